@@ -8,6 +8,7 @@ within the limits lead back to it. Far from folds and limits there is nothing to
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -60,10 +61,14 @@ class NearMisses:
         self._verifier = verifier
         self._tolerances = verifier.options.position_tolerance, verifier.options.orientation_tolerance
         self.tolerance = max(self._tolerances)
-        move = min(size * self.tolerance, 0.03)  # [m] and [rad]
-        steps = [sign * move * np.array(way) for way in DIRECTIONS[:ways] for sign in (1.0, -1.0)]
-        self._moves = np.array([pin.exp6(step).homogeneous for step in steps])
-        self.near = BEND * math.sqrt(move)
+        self._move, self._ways = min(size * self.tolerance, 0.03), ways  # [m] and [rad]
+        self.near = BEND * math.sqrt(self._move)
+
+    @functools.cached_property
+    def _moves(self) -> Array:
+        """By which targets are moved (m, 4, 4)."""
+        steps = [sign * self._move * np.array(way) for way in DIRECTIONS[: self._ways] for sign in (1.0, -1.0)]
+        return np.array([pin.exp6(step).homogeneous for step in steps])
 
     def moved(self, T: Array) -> Array:
         """A target (4, 4) moved a little to and fro, (m, 4, 4)."""

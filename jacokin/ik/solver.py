@@ -134,14 +134,10 @@ class IKSolver:
             scene=scene,
             clearance=clearance,
         )
-        self._frame_id = robot.frame_id(frame)
         name = robot.default_frame if frame is None else frame
-        if robot.pin_model.frames[self._frame_id].parentJoint == 0:
+        if robot.pin_model.frames[robot.frame_id(name)].parentJoint == 0:
             raise InvalidInputError(f"frame {name!r} is moved by no joint of {robot.name}; choose a frame on the arm")
-        self._options = options
-        self._verifier = Verifier(robot, name, None if tool is None else poses.checked_pose(tool, "tool"), options)
-        self._closest, self._near_misses = ClosestSearch(self._verifier), NearMisses(self._verifier, MOVE, WAYS)
-        self._local = threading.local()
+        self._prepare(robot, name, None if tool is None else poses.checked_pose(tool, "tool"), options)
         if not isinstance(qp_solver, str) or qp_solver != DEFAULT_QP_SOLVER:
             from jacokin.ik import qp_backend
 
@@ -149,6 +145,13 @@ class IKSolver:
         if self.dimension() is None and method == "closed_form":  # builds what it asks for: no solve waits for that
             self.closed_form()  # says why
         self._search()
+
+    def _prepare(self, robot: Robot, frame: str, tool: pin.SE3 | None, options: SolverOptions) -> None:
+        """Take what is checked; the rest is built when it is asked for."""
+        self._options = options
+        self._verifier = Verifier(robot, frame, tool, options)
+        self._closest, self._near_misses = ClosestSearch(self._verifier), NearMisses(self._verifier, MOVE, WAYS)
+        self._local = threading.local()
 
     @property
     def robot(self) -> Robot:
@@ -186,7 +189,9 @@ class IKSolver:
         lenient = options.collision in ("ignore", "prefer")
         collision = "reject" if scene is not None and lenient else options.collision
         changed = dataclasses.replace(options, scene=scene, collision=collision)
-        return _rebuild(self.robot, self.frame, self.tool, changed)
+        solver = object.__new__(IKSolver)
+        solver._prepare(self.robot, self.frame, self._verifier.tool, changed)
+        return solver
 
     def with_tool(self, tool: pin.SE3 | ArrayLike | None) -> IKSolver:
         """A solver that differs in its tool only: T_frame_tool, or None for the frame itself.

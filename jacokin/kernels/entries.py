@@ -21,6 +21,7 @@ from jacokin.kernels.configurations.kinematics import make_frame_work, place_fra
 from jacokin.kernels.contact.cloud_tree import build_cloud, make_cloud_tree
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
+from jacokin.kernels.contact.world import build_world, make_world_work
 from jacokin.kernels.course_times import fit_course_times, make_course_work
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
 from jacokin.kernels.motion_rows import (
@@ -53,6 +54,7 @@ ENTRIES = (
     Entry(rank_labellings, make_rank_work),
     Entry(run_contact, make_contact_work),
     Entry(build_cloud, make_cloud_tree),
+    Entry(build_world, make_world_work),
     Entry(find_near_points, make_near_work),
     Entry(run_free_motion, make_motion_work),
     Entry(solve_clear_targets, make_clear_work),

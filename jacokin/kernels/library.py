@@ -12,11 +12,12 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from itertools import repeat
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,39 +200,37 @@ class Call(Generic[Work]):
         work: the arrays, to be filled in and read.
     """
 
-    __slots__ = ("_alive", "_function", "_table", "work")
+    __slots__ = ("_addresses", "_entries", "_function", "_table", "work")
 
-    def __init__(self, kernel: Callable[[Work], int], work: Work) -> None:
+    work: Work
+    _entries: list[_Entry]
+
+    def __init__(self, kernel: Callable[[Work], int], work: Work, before: Call[Work] | None = None) -> None:
         """Take the work arrays of a kernel.
 
         Args:
             kernel: a function of `entries.ENTRIES`.
             work: its arrays in nested tuples, as the entry makes them; those of length 0 there are of any length.
+            before: another call of this kernel; only arrays that differ from its arrays are looked at.
 
         Raises:
             ValueError: an array that the machine code would misread.
             JacokinError: as `load`.
         """
         library, name = load(), kernel.__name__
-        arrays = list(flatten(work))
+        arrays = flatten(work)
         layout = library.about.layouts.get(name, ())
         if len(arrays) != len(layout):
             raise ValueError(f"{PATH} does not know {name} with {len(arrays)} arrays: {_CURE}")
-        table: list[int] = []
-        for array, expected in zip(arrays, layout, strict=True):
-            if not expected.fits(array):
-                raise ValueError(
-                    f"{name} needs a C-contiguous array of {expected.dtype} with shape {expected.shape}, "
-                    f"not of {array.dtype} with shape {array.shape}"
-                )
-            table.append(array.ctypes.data)
-            if expected.is_free:
-                table.append(len(array))
-        addresses = np.array(table, dtype=np.int64)
+        known: Iterable[_Entry | None] = repeat(None) if before is None else before._entries
+        entries: list[_Entry] = []
+        for array, expected, entry in zip(arrays, layout, known, strict=False):
+            entries.append(entry if entry is not None and entry[0] is array else _entry(name, array, expected))
         self.work = work
+        self._entries = entries
+        self._addresses = np.array([word for _, words in entries for word in words], dtype=np.int64)
         self._function = library.function(name)
-        self._table = ctypes.c_void_p(addresses.ctypes.data)  # converted once
-        self._alive = arrays, addresses
+        self._table = ctypes.c_void_p(self._addresses.ctypes.data)  # converted once
 
     def __call__(self) -> int:
         """Run the kernel; returns what its Python returns."""
@@ -264,13 +263,60 @@ class Calls(Generic[Work]):
         return call
 
 
-def flatten(value: object) -> Iterator[NDArray[np.generic]]:
+class SharedCalls(Generic[Work]):
+    """Calls of one kernel; each shares with the one before it in its thread those work arrays that may stay.
+
+    What a kernel leaves in them is read before the kernel is called in another way.
+    """
+
+    def __init__(self, kernel: Callable[[Work], int]) -> None:
+        """Take the kernel."""
+        self._kernel, self._local = kernel, threading.local()
+
+    def call(self, owner: object, make: Callable[[], Work], change: Callable[[Work], Work]) -> Call[Work]:
+        """One more.
+
+        Args:
+            owner: what those arrays belong to. For another one, all are made anew.
+            make: makes all arrays.
+            change: takes arrays of the same owner, and exchanges those that may not stay.
+        """
+        known: tuple[object, Call[Work]] | None = getattr(self._local, "known", None)
+        if known is None or known[0] is not owner:
+            call = Call(self._kernel, make())
+        else:
+            call = Call(self._kernel, change(known[1].work), known[1])
+        self._local.known = owner, call
+        return call
+
+
+_Entry: TypeAlias = tuple[NDArray[np.generic], tuple[int, ...]]  # an array, and what stands for it in a table
+
+
+def _entry(name: str, array: NDArray[np.generic], expected: ArrayLayout) -> _Entry:
+    """The entry of one array of a kernel.
+
+    Raises:
+        ValueError: the machine code would misread it.
+    """
+    if not expected.fits(array):
+        raise ValueError(
+            f"{name} needs a C-contiguous array of {expected.dtype} with shape {expected.shape}, "
+            f"not of {array.dtype} with shape {array.shape}"
+        )
+    address = array.ctypes.data
+    return array, (address, len(array)) if expected.is_free else (address,)
+
+
+def flatten(value: tuple[object, ...]) -> list[NDArray[np.generic]]:
     """The arrays in nested tuples, in order."""
-    if isinstance(value, tuple):
-        for member in value:
-            yield from flatten(member)
-    elif isinstance(value, np.ndarray):
-        yield value
+    found: list[NDArray[np.generic]] = []
+    for member in value:
+        if isinstance(member, np.ndarray):
+            found.append(member)
+        elif isinstance(member, tuple):
+            found += flatten(member)
+    return found
 
 
 def share(run: Callable[[int, int], None], count: int, threads: int) -> None:

@@ -109,25 +109,29 @@ class BetweenWork(NamedTuple):
     upper: Array  # (dof,)
     levers: Array  # (dof,) how far a point can be from a joint's axis at most [m]
     reach: Array  # (n - 1,) filled in: how far any point leaves its way along the straight motion, at most [m]
+    beyond: NDArray[np.int64]  # (n - 1,) filled in: numbers of the steps on which a joint could be beyond a limit
 
 
 def make_between_work(dof: int = 0, rows: int = 0) -> BetweenWork:
     """Fresh work arrays."""
     (q, a), (lower, upper, levers) = np.zeros((2, rows * dof)), np.zeros((3, dof))
-    return BetweenWork(np.zeros(2, np.int64), np.zeros(1), q, a, lower, upper, levers, np.zeros(rows))
+    reach, beyond = np.zeros(rows), np.zeros(rows, np.int64)
+    return BetweenWork(np.zeros(2, np.int64), np.zeros(1), q, a, lower, upper, levers, reach, beyond)
 
 
 def look_between(work: BetweenWork) -> int:
-    """Fill in the reach of each step; returns 1 if a joint could be beyond a limit on one of them."""
+    """Fill in the reach of each step, and those that could pass a limit; returns how many of these there are."""
     dof, beyond = work.counts[0], 0
     for row in range(work.counts[1] - 1):
-        reach = 0.0
+        reach, inside = 0.0, True
         for j in range(dof):
             k, then = row * dof + j, row * dof + dof + j
             bulge = 0.125 * work.dt[0] * work.dt[0] * max(abs(work.a[k]), abs(work.a[then]))
             reach += bulge * work.levers[j]
             least, most = min(work.q[k], work.q[then]) - bulge, max(work.q[k], work.q[then]) + bulge
-            if least < work.lower[j] or most > work.upper[j]:
-                beyond = 1
+            inside = inside and least >= work.lower[j] and most <= work.upper[j]
         work.reach[row] = reach
-    return beyond
+        if not inside:
+            work.beyond[beyond] = row
+            beyond += 1
+    return int(beyond)

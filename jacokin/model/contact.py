@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.kernels.contact import run
-from jacokin.kernels.contact.arm import HINGE, LAST_PAIR
-from jacokin.kernels.contact.run import ContactWork, make_contact_work, run_contact
-from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, SIZE
-from jacokin.kernels.library import Call
-from jacokin.model import checks, poses
+from jacokin.kernels.contact.arm import LAST_PAIR
+from jacokin.kernels.contact.run import ContactWork, among, make_contact_work, run_contact
+from jacokin.kernels.contact.shapes import CENTRE, LINK, SIZE
+from jacokin.kernels.library import Call, SharedCalls
+from jacokin.model import poses
 from jacokin.model.contact_arrays import ShapeRow, arm_arrays, joints_about_z
 from jacokin.model.obstacles import NOTHING_AROUND, OtherRobot, Surroundings
 from jacokin.model.own_shapes import own_shapes
@@ -40,6 +40,9 @@ ROWS_AT_ONCE = 64  # configurations that go to the kernels together
 NAMED = 3  # pairs of shapes in a message
 REFUSED_WITHIN = 1e-4  # [m] of the clearance, a motion is not certain, and counts as touching
 Pair = tuple[str, str]
+
+#: What the arm's contact is found with in one scene after another: at one configuration, and at some at once.
+_for_one, _for_rows = SharedCalls(run_contact), SharedCalls(run_contact)
 
 
 class NearestPair(NamedTuple):
@@ -109,7 +112,8 @@ class Contact:
         try:
             work, call = self._local.touch
         except AttributeError:  # its own call: what the kernels are told never changes
-            call = Call(run_contact, self.fresh_work())
+            call = _for_one.call(self.geometry.arm, self.fresh_work, partial(among, geometry=self.geometry))
+            call.work.numbers[run.ContactNumber.MARGIN_KEPT] = self._clearance
             work = call.work.q
             self._local.touch = work, call
         work[...] = q
@@ -270,20 +274,10 @@ class Contact:
         named = ", ".join(words[:NAMED])
         return f"kept less than {self._clearance:.3g} m apart, as nearly always nearer: {named}{more}"
 
-    @cached_property
+    @property
     def levers(self) -> Array:
         """(dof,) how far a point of the arm can be from the axis of each joint, at most [m]; 1 where a joint slides."""
-        shapes, arm = self.geometry.shapes, self.geometry.arm
-        count = len(arm.joint_kinds)
-        links = shapes.integers[self._partly : self._arm_shapes, LINK]
-        spheres = shapes.numbers[self._partly : self._arm_shapes, CENTRE : RADIUS + 1]
-        reach = np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]
-        along = np.append(0.0, np.cumsum(np.linalg.norm(arm.placements[:, :, 3], axis=1)))
-        found = np.ones(count)
-        for joint in np.flatnonzero(arm.joint_kinds == HINGE).tolist():
-            far = (along[links] - along[joint + 1] + reach)[links > joint]
-            found[joint] = far.max(initial=0.0)
-        return checks.sealed(found)
+        return self._found.levers
 
     @property
     def has_shapes(self) -> bool:
@@ -335,7 +329,9 @@ class Contact:
         try:
             call: Call[ContactWork] = self._local.call
         except AttributeError:
-            call = self._local.call = Call(run_contact, make_contact_work(self.geometry, ROWS_AT_ONCE))
+            make = partial(make_contact_work, self.geometry, ROWS_AT_ONCE)
+            call = _for_rows.call(self.geometry.arm, make, partial(among, geometry=self.geometry))
+            self._local.call = call
         return call
 
     def _measuring(self) -> Call[ContactWork]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from functools import lru_cache
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -43,15 +42,15 @@ from jacokin.kernels.contact.shapes import (
 )
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.contact.tree import Tree
+from jacokin.kernels.contact.world import WorldWork, build_world, make_world_work
+from jacokin.kernels.library import Call
 from jacokin.model.descriptions.meshes import convex_hull
 from jacokin.model.descriptions.shapes import KINDS, Shape
 from jacokin.model.kinematics import arm_of, own_axes
 
 CORES = np.array([PLANE, POINT, SEGMENT, ELLIPSOID, CYLINDER, BOX, MESH, CLOUD])  # of the `KINDS`
 NUMBER_OF_KIND = {kind: number for number, kind in enumerate(KINDS)}
-# For each kind, which of MJCF's sizes, or 0 as a fourth, are the half sizes of its core, and the margin around it.
-HALF_FROM = np.array([(3, 3, 3), (3, 3, 3), (3, 3, 1), (0, 1, 2), (0, 0, 1), (0, 1, 2), (3, 3, 3), (3, 3, 3)])
-MARGIN_FROM = np.array([3, 0, 0, 3, 3, 3, 3, 0])
+PLANES = NUMBER_OF_KIND["plane"]
 NO_POINTS = np.empty((0, 3))
 
 
@@ -174,13 +173,13 @@ def world_arrays(obstacles: Sequence[Shape]) -> WorldArrays:
     Raises:
         ShapeError: one of an unknown kind.
     """
-    kinds, numbers, integers, own = _rows(obstacles, [obstacle.placement for obstacle in obstacles])
+    kinds, integers, own, work = _rows(obstacles, [obstacle.placement for obstacle in obstacles], with_tree=True)
     if not own:
         edges = np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        shapes = Shapes(numbers, integers, NO_POINTS, *edges, NO_POINTS, np.empty((0, NODE_NUMBERS)))
+        shapes = Shapes(work.numbers, integers, NO_POINTS, *edges, NO_POINTS, np.empty((0, NODE_NUMBERS)))
     else:
-        shapes = _stacked([own.get(k) or ShapeRow(numbers[k], integers[k]) for k in range(len(kinds))])
-    return WorldArrays(shapes, _tree(shapes), kinds)
+        shapes = _stacked([own.get(k) or ShapeRow(work.numbers[k], integers[k]) for k in range(len(kinds))])
+    return WorldArrays(shapes, work.tree._replace(planes=np.flatnonzero(kinds == PLANES)), kinds)
 
 
 def joined(arm: ArmArrays, world: WorldArrays) -> Geometry:
@@ -232,33 +231,35 @@ def shape_rows(model: pin.Model, shapes: Sequence[Shape]) -> list[ShapeRow]:
         ShapeError: one of an unknown kind.
     """
     axes = own_axes(model)
-    kinds, numbers, integers, own = _rows(shapes, [axes[shape.joint].inverse() * shape.placement for shape in shapes])
-    rows = [own.get(k) or ShapeRow(numbers[k], integers[k]) for k in range(len(kinds))]
+    kinds, integers, own, work = _rows(shapes, [axes[shape.joint].inverse() * shape.placement for shape in shapes])
+    rows = [own.get(k) or ShapeRow(work.numbers[k], integers[k]) for k in range(len(kinds))]
     for row, shape in zip(rows, shapes, strict=True):
         row.integers[LINK] = shape.joint
     return rows
 
 
 def _rows(
-    shapes: Sequence[Shape], placements: Sequence[pin.SE3]
-) -> tuple[NDArray[np.int64], Array, NDArray[np.int64], dict[int, ShapeRow]]:
-    """Kinds (n,), numbers and integers (n, ...) of shapes at placements; of meshes and clouds their rows, by number.
+    shapes: Sequence[Shape], placements: Sequence[pin.SE3], *, with_tree: bool = False
+) -> tuple[NDArray[np.int64], NDArray[np.int64], dict[int, ShapeRow], WorldWork]:
+    """Kinds (n,) and integers (n, ...) of shapes at placements, of meshes and clouds their rows, by number; the rest.
 
     Raises:
         ShapeError: one of an unknown kind.
     """
     count = len(shapes)
     kinds = np.array([_kind(shape) for shape in shapes], dtype=np.int64)
-    cores = CORES[kinds]
-    sizes = np.array([shape.size for shape in shapes], dtype=np.float64).reshape(-1, 3)
-    placed = np.array([placement.homogeneous for placement in placements]).reshape(-1, 16)
-    numbers, integers = np.zeros((count, SHAPE_NUMBERS)), np.zeros((count, SHAPE_INTEGERS), dtype=np.int64)
-    half, margin = _half_sizes(kinds, sizes)
-    numbers[:, :SIZE], numbers[:, SIZE : SIZE + 3], numbers[:, MARGIN] = placed[:, :SIZE], half, margin
-    numbers[:, CENTRE : CENTRE + 3], numbers[:, RADIUS] = placed[:, 3:SIZE:4], margin + _core_radii(kinds, half)
-    integers[:, KIND] = cores
-    own = np.flatnonzero((cores == MESH) | (cores == CLOUD)).tolist()
-    return kinds, numbers, integers, {k: _own_row(shapes[k], placements[k]) for k in own}
+    cores, integers = CORES[kinds], np.zeros((count, SHAPE_INTEGERS), dtype=np.int64)
+    work = make_world_work(count, np.flatnonzero(kinds != PLANES) if with_tree else None)
+    work.cores[:], integers[:, KIND] = cores, cores
+    if count:
+        work.sizes[:] = [shape.size for shape in shapes]
+        work.numbers[:, :SIZE] = np.array([placement.homogeneous for placement in placements]).reshape(-1, 16)[:, :SIZE]
+    numbers = np.flatnonzero((cores == MESH) | (cores == CLOUD)).tolist()
+    own = {k: _own_row(shapes[k], placements[k]) for k in numbers}
+    for k, row in own.items():
+        work.numbers[k] = row.numbers
+    Call(build_world, work)()
+    return kinds, integers, own, work
 
 
 def _kind(shape: Shape) -> int:
@@ -268,23 +269,6 @@ def _kind(shape: Shape) -> int:
     except KeyError:
         kinds = ", ".join(KINDS)
         raise ShapeError(f"the shape {shape.name!r} is of a kind that contact is not computed for ({kinds})") from None
-
-
-def _half_sizes(kinds: NDArray[np.int64], sizes: Array) -> tuple[Array, Array]:
-    """Half sizes (n, 3) of cores without margin, and margins (n,) [m], from sizes (n, 3) as in MJCF."""
-    given = np.hstack([sizes, np.zeros((len(sizes), 1))])
-    half = np.take_along_axis(given, HALF_FROM[kinds], axis=1)
-    return half, given[np.arange(len(kinds)), MARGIN_FROM[kinds]]
-
-
-def _core_radii(kinds: NDArray[np.int64], half: Array) -> Array:
-    """How far cores other than meshes reach from their centres (n,) [m]."""
-    planes, ellipsoids, cylinders = (kinds == NUMBER_OF_KIND[kind] for kind in ("plane", "ellipsoid", "cylinder"))
-    squares = half * half
-    squares[cylinders, 1] = 0.0
-    found: Array = np.sqrt(squares.sum(axis=1))
-    found[planes], found[ellipsoids] = np.inf, half[ellipsoids].max(axis=1, initial=0.0)
-    return found
 
 
 def _own_row(shape: Shape, T_link_shape: pin.SE3) -> ShapeRow:
@@ -409,66 +393,6 @@ def _extents(numbers: Array) -> tuple[Array, Array]:
     half += numbers[:, MARGIN, None]
     centres = numbers[:, CENTRE:RADIUS]
     return centres - half, centres + half
-
-
-def _tree(shapes: Shapes) -> Tree:
-    """Shapes with an end, halved along the longest side of their centres again and again; a level after the other."""
-    ends = shapes.integers[:, KIND] != PLANE
-    order, planes = np.flatnonzero(ends), np.flatnonzero(~ends)
-    levels, children, leaves = _halves(len(order))
-    low, high = _extents(shapes.numbers[order])
-    # One array of which least values are asked for: lowest and highest coordinates, then the same of the centres.
-    bounds, places = np.column_stack([low, -high, low + high, -(low + high)]), np.arange(len(order))
-    middles = bounds[:, 6:9]
-    shares = (middles - middles.min(axis=0)) / (1.01 * np.ptp(middles) + 1e-300) if len(order) else middles  # below 1
-    boxes = np.empty((len(children), 6))
-    for first, starts, part in levels:
-        if not len(part):
-            boxes[first:] = bounds[places[starts], :6]
-            break
-        least = np.minimum.reduceat(bounds[places], starts)
-        boxes[first : first + len(starts)] = least[:, :6]
-        axes = (least[:, 6:9] + least[:, 9:]).argmin(axis=1)
-        places = places[(part + shares[places, axes[part]]).argsort()]
-    centres, halves = 0.5 * (boxes[:, :3] - boxes[:, 3:]), 0.5 * (-boxes[:, 3:] - boxes[:, :3])
-    children = children.copy()
-    children[leaves[:, 0], 1] = order[places[leaves[:, 1]]]
-    return Tree(np.hstack([centres, halves]), children, planes)
-
-
-Level: TypeAlias = tuple[int, NDArray[np.intp], NDArray[np.intp]]
-
-
-@lru_cache(maxsize=64)
-def _halves(count: int) -> tuple[list[Level], NDArray[np.int64], NDArray[np.intp]]:
-    """How so many things in a row are halved, level by level, until each is alone.
-
-    Returns:
-        For each level the number of its first node, where each node's things start, and for each thing which of the
-        level's nodes holds it: nothing for the last level, whose nodes hold one each, and not all of them. The two
-        nodes inside of each node (n, 2), -1 for one of a single thing; and nodes of a single thing with its place
-        (count, 2).
-    """
-    levels: list[Level] = []
-    children: list[tuple[int, int]] = []
-    leaves: list[tuple[int, int]] = []
-    parts = [(0, count)] if count else []
-    while parts:
-        first = len(children)
-        sizes = [size for _, size in parts] if max(size for _, size in parts) > 1 else []
-        part = np.repeat(np.arange(len(sizes)), sizes)
-        levels.append((first, np.array([start for start, _ in parts]), part))
-        below: list[tuple[int, int]] = []
-        for node, (start, size) in enumerate(parts, start=first):
-            inside = first + len(parts) + len(below)
-            if size == 1:
-                leaves.append((node, start))
-                children.append((-1, -1))
-            else:
-                below += [(start, size // 2), (start + size // 2, size - size // 2)]
-                children.append((inside, inside + 1))
-        parts = below
-    return levels, np.array(children, dtype=np.int64).reshape(-1, 2), np.array(leaves, dtype=np.intp).reshape(-1, 2)
 
 
 NO_WORLD = world_arrays([])

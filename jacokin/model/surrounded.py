@@ -18,9 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
-from jacokin.kernels.contact.arm import FIRST_PAIR
+from jacokin.kernels.contact.arm import FIRST_PAIR, HINGE, ArmShapes
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import ContactNumber
+from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS
 from jacokin.kernels.contact.touching import Geometry
 from jacokin.kernels.library import Call
 from jacokin.model import checks
@@ -72,6 +73,8 @@ class Surrounded(NamedTuple):
     """How many meetings of the arm's groups, the first ones, are with those obstacles."""
     pairs: int
     """How many pairs of shapes count."""
+    levers: Array
+    """(dof,) how far a point of the arm can be from the axis of each joint, at most [m]; 1 where a joint slides."""
 
 
 def surround(robot: Robot, around: Surroundings, world: WorldArrays | None = None) -> Surrounded:
@@ -109,10 +112,24 @@ def with_clearance(robot: Robot, around: Surroundings, found: Surrounded, cleara
 
     See `kept_less`; pairs that keep nothing are left out.
     """
-    kept_of = kept_less(robot, around.finger_angle, clearance)
+    if found.geometry.arm is robot.once(_alone, around.finger_angle).geometry.arm:  # shared by scenes
+        arm = robot.once(_alone_keeping_less, around.finger_angle, clearance)
+    else:
+        arm = _keeping_less(robot, found, around.finger_angle, clearance)
+    left_out = len(found.geometry.arm.pairs) - len(arm.pairs)
+    return found._replace(geometry=found.geometry._replace(arm=arm), pairs=found.pairs - left_out)
+
+
+def _alone_keeping_less(robot: Robot, finger_angle: float | None, clearance: float) -> ArmShapes:
+    """The arm that holds nothing, for `with_clearance`."""
+    return _keeping_less(robot, robot.once(_alone, finger_angle), finger_angle, clearance)
+
+
+def _keeping_less(robot: Robot, found: Surrounded, finger_angle: float | None, clearance: float) -> ArmShapes:
+    """The arm among what surrounds it, some of whose pairs keep less than a clearance [m]."""
+    arm, count, kept_of = found.geometry.arm, len(found.names), kept_less(robot, finger_angle, clearance)
     if not kept_of:
-        return found
-    arm, count = found.geometry.arm, len(found.names)
+        return arm
     number = {name: index for index, name in enumerate(found.names)}
     less, counts = arm.less.copy(), np.ones(len(arm.pairs), dtype=np.bool_)
     rows = {code: row for row, code in enumerate((arm.pairs[:, 0] * count + arm.pairs[:, 1]).tolist())}
@@ -123,9 +140,7 @@ def with_clearance(robot: Robot, around: Surroundings, found: Surrounded, cleara
             less[row], counts[row] = clearance - kept, kept > NOTHING_KEPT
     meetings = arm.meetings.copy()
     meetings[:, FIRST_PAIR:] = np.append(0, np.cumsum(counts))[meetings[:, FIRST_PAIR:]]
-    arm = arm._replace(meetings=meetings, pairs=arm.pairs[counts], less=less[counts])
-    left_out = int(np.count_nonzero(~counts))
-    return found._replace(geometry=found.geometry._replace(arm=arm), pairs=found.pairs - left_out)
+    return arm._replace(meetings=meetings, pairs=arm.pairs[counts], less=less[counts])
 
 
 def make_world(obstacles: Sequence[Obstacle]) -> WorldArrays:
@@ -201,7 +216,21 @@ def among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Sur
         moving=sum(shape.joint > 0 for shape in given),
         met_partly=arrays.met_partly,
         pairs=pairs,
+        levers=_levers(arrays),
     )
+
+
+def _levers(arrays: ArmArrays) -> Array:
+    """How far a point of an arm can be from the axis of each joint (dof,), at most [m]; 1 where a joint slides."""
+    shapes, arm = arrays.shapes, arrays.arm
+    links, spheres = shapes.integers[arrays.alone :, LINK], shapes.numbers[arrays.alone :, CENTRE : RADIUS + 1]
+    reach = np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]
+    along = np.append(0.0, np.cumsum(np.linalg.norm(arm.placements[:, :, 3], axis=1)))
+    found = np.ones(len(arm.joint_kinds))
+    for joint in np.flatnonzero(arm.joint_kinds == HINGE).tolist():
+        far = (along[links] - along[joint + 1] + reach)[links > joint]
+        found[joint] = far.max(initial=0.0)
+    return checks.sealed(found)
 
 
 def _with_world(arm: Surrounded, arrays: ArmArrays, names: Sequence[str], world: WorldArrays) -> Surrounded:

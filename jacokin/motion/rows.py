@@ -129,8 +129,8 @@ class Limits(NamedTuple):
 
 def between(rows: Rows, steps: slice | NDArray[np.intp] = slice(None), *, quintic: bool = False) -> tuple[Array, Array]:
     """Angles and velocities (m, 9, dof) along some steps, by cubics that meet velocities, or by quintics."""
-    x, dt = np.linspace(0.0, 1.0, 9)[:, None], np.diff(rows.t)[steps, None]
-    x0, moved = rows.q[:-1][steps], np.diff(rows.q, axis=0)[steps]
+    x, x0 = np.linspace(0.0, 1.0, 9)[:, None], rows.q[:-1][steps]
+    dt, moved = (rows.t[1:][steps] - rows.t[:-1][steps])[:, None], rows.q[1:][steps] - x0
     v0, v1 = dt * rows.v[:-1][steps], dt * rows.v[1:][steps]
     if quintic:
         a0, a1 = 0.5 * dt**2 * rows.a[:-1][steps], 0.5 * dt**2 * rows.a[1:][steps]
@@ -226,23 +226,38 @@ def _ticks_averaged(second: Array, jerk: Array) -> int:
     return high
 
 
-def _bulge(rows: Rows) -> Array:
-    """How far each step (n - 1, dof) leaves the straight line between its rows, at most [rad]."""
-    return np.asarray(0.125 * rows.t[1] ** 2 * np.maximum(np.abs(rows.a[:-1]), np.abs(rows.a[1:])))
-
-
 def past_limits(rows: Rows, lower: Array, upper: Array) -> Array:
     """How far each step (n - 1, dof) passes limits (dof,), beyond what its rows do [rad]; 0 where it does not."""
-    bulge, found = _bulge(rows), np.zeros((len(rows.t) - 1, len(lower)))
-    if (np.minimum(rows.q.min(axis=0) - lower, upper - rows.q.max(axis=0)) >= bulge.max(axis=0)).all():
-        return found
-    least, most = np.minimum(rows.q[:-1], rows.q[1:]), np.maximum(rows.q[:-1], rows.q[1:])
-    room = np.minimum(least - lower, upper - most)
-    beyond = np.flatnonzero((room < bulge).any(axis=1))
-    for some in np.split(beyond, range(ROWS_AT_ONCE, len(beyond), ROWS_AT_ONCE)):
-        at = between(rows, some)[0]
-        past = np.maximum(lower - at, at - upper).max(axis=1) - np.maximum(-room[some], 0.0)
-        found[some] = np.maximum(past, 0.0)
+    found, (steps, _) = np.zeros((len(rows.t) - 1, len(lower))), _look_between(rows, lower, upper)
+    found[steps] = _past(rows, steps, lower, upper)
+    return found
+
+
+def _look_between(
+    rows: Rows, lower: Array, upper: Array, levers: Array | None = None
+) -> tuple[NDArray[np.int64], Array]:
+    """The steps (m,) that could pass limits (dof,) [rad], and how far points leave their ways on each (n - 1,) [m].
+
+    That is 0 without levers (dof,). It is overwritten by the next call.
+    """
+    count, dof = rows.q.shape
+    call = _look.with_room(dof, count)
+    work = call.work
+    work.counts[:], work.dt[0] = (dof, count), rows.t[1]
+    work.q[: count * dof], work.a[: count * dof] = rows.q.ravel(), rows.a.ravel()
+    work.lower[:dof], work.upper[:dof], work.levers[:dof] = lower, upper, 0.0 if levers is None else levers
+    return work.beyond[: call()].copy(), work.reach[: count - 1]
+
+
+def _past(rows: Rows, steps: NDArray[np.int64], lower: Array, upper: Array) -> Array:
+    """`past_limits` of some steps (m,)."""
+    found = np.zeros((len(steps), len(lower)))
+    for first in range(0, len(steps), ROWS_AT_ONCE):
+        some = steps[first : first + ROWS_AT_ONCE]
+        q, then, at = rows.q[some], rows.q[some + 1], between(rows, some)[0]
+        room = np.minimum(np.minimum(q, then) - lower, upper - np.maximum(q, then))
+        past = np.maximum(lower - at, at - upper).max(axis=1) - np.maximum(-room, 0.0)
+        found[first : first + ROWS_AT_ONCE] = np.maximum(past, 0.0)
     return found
 
 
@@ -270,16 +285,10 @@ class OnTheWay(NamedTuple):
         """
         if len(rows.q) == 1:
             return ""
-        count, dof = rows.q.shape
-        call = _look.with_room(dof, count)
-        work = call.work
-        work.counts[:], work.dt[0] = (dof, count), rows.t[1]
-        work.q[: count * dof], work.a[: count * dof] = rows.q.ravel(), rows.a.ravel()
-        work.lower[:dof], work.upper[:dof] = self.robot.lower, self.robot.upper
-        work.levers[:dof] = 0.0 if self.contact is None else self.contact.levers
-        is_beyond, reach = call(), work.reach[: count - 1]
-        if is_beyond:
-            past = past_limits(rows, self.robot.lower, self.robot.upper).max(axis=0)
+        lower, upper = self.robot.lower, self.robot.upper
+        beyond, reach = _look_between(rows, lower, upper, None if self.contact is None else self.contact.levers)
+        if len(beyond):
+            past = _past(rows, beyond, lower, upper).max(axis=0)
             if past.max() > ON_LIMIT:
                 return f"{self.robot.joint_names[int(np.argmax(past))]} could pass its limit"
         if self.contact is None:

@@ -25,8 +25,8 @@ from jacokin.ik.solutions import curve_arm
 from jacokin.kernels import library
 from jacokin.kernels.closed_form.batch import make_target_work, solve_targets
 from jacokin.kernels.entries import ENTRIES
-from jacokin.kernels.library import Call, Calls, Library, flatten
-from jacokin.kernels.motion_rows import average_rows, make_average_work
+from jacokin.kernels.library import Call, Calls, Library, SharedCalls, flatten
+from jacokin.kernels.motion_rows import AverageWork, average_rows, make_average_work
 from tests.kernels.closed_form.tools import closed_form, target
 from tests.kernels.plain import PlainCall
 from tests.programs import python
@@ -216,3 +216,25 @@ def test_calls_keep_their_arrays_and_grow() -> None:
     assert calls.with_room(2, 30) is larger
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(calls.with_room, 2, 30).result() is not larger
+
+
+def test_calls_share_what_stays() -> None:
+    """Only arrays of another owner are made anew, and what is exchanged is looked at."""
+    calls, owner, made = SharedCalls(average_rows), object(), list[AverageWork]()
+
+    def make() -> AverageWork:
+        made.append(make_average_work(2, 10))
+        return made[-1]
+
+    first = calls.call(owner, make, lambda work: work)
+    second = calls.call(owner, make, lambda work: work._replace(taken=np.zeros(40)))
+    assert len(made) == 1
+    assert second is not first
+    shared = [one is other for one, other in zip(first.work, second.work, strict=True)]
+    assert shared.count(False) == 1
+    with pytest.raises(ValueError, match="average_rows needs a C-contiguous array of float64"):
+        calls.call(owner, make, lambda work: work._replace(taken=np.zeros((2, 40))))
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(calls.call, owner, make, lambda work: work).result()
+    calls.call(object(), make, lambda work: work)
+    assert len(made) == 3

@@ -16,5 +16,6 @@ approach       for how long a pair stays apart on a motion
 motion         straight motions, without gaps
 sweep          what could touch on a part of a motion, in places side by side
 cloud_tree     the entry point that sorts points into a tree of boxes
+world          the entry point that fills the rows of simple shapes, and sorts obstacles into their tree
 near_points    the entry point for points that are on the arm
 """

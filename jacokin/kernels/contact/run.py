@@ -24,7 +24,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import LAST_SHAPE, ArmShapes, Places, place_links, relate
 from jacokin.kernels.contact.cloud import shape_separation
 from jacokin.kernels.contact.motion import Course, await_all, is_clear, least_on_motion, make_course
-from jacokin.kernels.contact.nearest import Finder, Search, find_nearest, list_all, make_finder
+from jacokin.kernels.contact.nearest import ENTRY, Finder, Search, find_nearest, list_all, make_finder
 from jacokin.kernels.contact.pairs import PAIR_NUMBERS, measure_pair
 from jacokin.kernels.contact.separation import make_separation_work
 from jacokin.kernels.contact.shapes import NODE_NUMBERS, SHAPE_INTEGERS, SHAPE_NUMBERS, Shapes
@@ -165,32 +165,42 @@ NOTHING = Geometry(
 
 def make_contact_work(geometry: Geometry = NOTHING, rows: int = 0, pairs: int = 0) -> ContactWork:
     """Fresh work arrays for a geometry, so many configurations, and pairs to be measured; everything in it counts."""
+    dof, groups = len(geometry.arm.joint_kinds), len(geometry.arm.groups)
+    frames = np.zeros((dof + 2 if rows else 0, 3, 4))
+    frames[:] = np.eye(3, 4)
+    pair = make_separation_work()
+    work = ContactWork(
+        np.zeros(ContactInteger.COUNT, np.int64),
+        np.zeros(ContactNumber.COUNT),
+        np.zeros(rows * dof),
+        geometry,
+        Places(frames, np.zeros((groups, 3)), np.zeros(groups * (dof + 1))),
+        Hits(np.zeros(3, np.int64), np.zeros((0, 2), np.int64), np.zeros(DEEPEST, np.int64), pair),
+        make_finder(0, pair),
+        make_course(dof, groups, 0),
+        np.zeros((rows, 2)),
+        np.zeros((rows, 2), np.int64),
+        np.zeros((pairs, 2), np.int64),
+        np.zeros(pairs),
+        np.zeros((pairs, PAIR_NUMBERS)),
+    )
+    return among(work, geometry)
+
+
+def among(work: ContactWork, geometry: Geometry) -> ContactWork:
+    """Work arrays for the same arm among other obstacles: these, but for what depends on obstacles and options."""
     shapes, arm, tree = geometry
     dof, groups, meetings = len(arm.joint_kinds), len(arm.groups), len(arm.meetings)
     nodes, planes = len(tree.boxes), len(tree.planes)
     own = int(arm.groups[-1, LAST_SHAPE]) if groups else 0
     with_obstacles = own * (len(shapes.numbers) - own)
     room = meetings + len(arm.pairs) + groups * (nodes + planes) + with_obstacles
-    frames = np.zeros((dof + 2 if rows else 0, 3, 4))
-    frames[:] = np.eye(3, 4)
-    pair = make_separation_work()
-    return ContactWork(
-        np.array([ContactTask.TOUCHES, rows, dof, groups, meetings, nodes, planes]),
-        np.array([0.0, -math.inf, 0.0]),
-        np.zeros(rows * dof),
-        geometry,
-        Places(frames, np.zeros((groups, 3)), np.zeros(groups * (dof + 1))),
-        Hits(
-            np.full(3, -1),
-            np.zeros((len(arm.pairs) + with_obstacles, 2), np.int64),
-            np.zeros(DEEPEST, np.int64),
-            pair,
-        ),
-        make_finder(room, pair),
-        make_course(dof, groups, room),
-        np.zeros((rows, 2)),
-        np.zeros((rows, 2), np.int64),
-        np.zeros((pairs, 2), np.int64),
-        np.zeros(pairs),
-        np.zeros((pairs, PAIR_NUMBERS)),
+    touching = np.zeros((len(arm.pairs) + with_obstacles, 2), np.int64)
+    return work._replace(
+        integers=np.array([ContactTask.TOUCHES, work.value.shape[0], dof, groups, meetings, nodes, planes]),
+        numbers=np.array([0.0, -math.inf, 0.0]),
+        geometry=geometry,
+        hits=work.hits._replace(last=np.full(3, -1), pairs=touching),
+        finder=work.finder._replace(keys=np.zeros(room), entries=np.zeros((room, ENTRY), np.int64)),
+        course=work.course._replace(near=np.zeros((3 * room, ENTRY), np.int64)),
     )

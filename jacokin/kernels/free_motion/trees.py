@@ -35,6 +35,7 @@ STEP = 1.0  # [rad] by which a tree grows at once, joints weighed by their speed
 MEETING = 1e-9  # [rad] two configurations that are nearer are one
 PATIENCE = 50  # steps in a row that lead nowhere, after which the larger tree grows, too
 NONE = -1
+BLOCK = 64  # configurations of a tree whose distances are computed side by side
 DRAWS = 32  # random configurations after which one is taken that cannot be part of a way that is quick enough
 #: Where a search keeps its whole numbers: sizes of the trees, random configurations, steps in a row that led nowhere,
 #: 1 when a tree lacked room, the two that met, and how many goals the second tree began with.
@@ -55,13 +56,16 @@ class Trees(NamedTuple):
     sample: Array  # (dof,) [rad]
     step: Array  # (dof,) [rad]
     end: Array  # (dof,) [rad]
+    columns: Array  # (2 dof room,) the same as q, joint by joint, infinite where a configuration is cut off [rad]
+    squares: Array  # (BLOCK,) how far some of them are from another one
 
 
 def make_trees(dof: int, room: int) -> Trees:
     """Fresh work arrays for so many configurations in each tree."""
     integers, numbers = np.zeros(SearchInteger.COUNT, np.int64), np.full(SearchNumber.COUNT, np.inf)
     sample, step, end = np.zeros((3, dof))
-    return Trees(np.empty(2 * room * dof), np.empty(2 * room, np.int64), integers, numbers, sample, step, end)
+    q, columns = np.empty((2, 2 * room * dof))
+    return Trees(q, np.empty(2 * room, np.int64), integers, numbers, sample, step, end, columns, np.zeros(BLOCK))
 
 
 def plant(
@@ -91,7 +95,8 @@ def add(trees: Trees, space: Space, dof: int, tree: int, q: Array, parent: int) 
         return NONE
     at = node_at(trees, dof, tree, node)
     for j in range(dof):
-        trees.q[at + j] = q[j] - TURN * math.floor(q[j] / TURN + 0.5) if space.unlimited[j] else q[j]
+        angle = q[j] - TURN * math.floor(q[j] / TURN + 0.5) if space.unlimited[j] else q[j]
+        trees.q[at + j] = trees.columns[(tree * dof + j) * room + node] = angle
     trees.parents[tree * room + node] = parent
     trees.integers[tree] = node + 1
     return int(node)
@@ -99,19 +104,26 @@ def add(trees: Trees, space: Space, dof: int, tree: int, q: Array, parent: int) 
 
 def nearest_node(trees: Trees, space: Space, dof: int, tree: int, q: Array) -> int:
     """The configuration nearest to one whose unlimited joints are in [-pi, pi]."""
-    best, found = math.inf, 0
-    first = tree * (len(trees.parents) // 2)
-    for node in range(trees.integers[tree]):
-        at, total = (first + node) * dof, 0.0
+    best, found, squares, room = math.inf, 0, trees.squares, len(trees.parents) // 2
+    for first in range(0, trees.integers[tree], BLOCK):
+        size = min(BLOCK, trees.integers[tree] - first)
+        for i in range(BLOCK):
+            squares[i] = 0.0
         for j in range(dof):
-            away = abs(trees.q[at + j] - q[j])
+            begin, angle, weight = (tree * dof + j) * room + first, q[j], space.weights[j]
+            column = trees.columns[begin : begin + size]
             if space.unlimited[j]:
-                away = min(away, TURN - away)
-            total += (away * space.weights[j]) ** 2
-            if total >= best:
-                break
-        if total < best:
-            best, found = total, node
+                for i in range(size):
+                    away = abs(column[i] - angle)
+                    away = min(away, TURN - away) * weight
+                    squares[i] += away * away
+            else:
+                for i in range(size):
+                    away = (column[i] - angle) * weight
+                    squares[i] += away * away
+        for i in range(size):
+            if squares[i] < best:
+                best, found = squares[i], first + i
     return found
 
 
@@ -254,11 +266,10 @@ def is_branch_clear(
 
 def cut_off(trees: Trees, dof: int, tree: int, node: int) -> None:
     """Put a node, and all that grew from it, infinitely far away."""
-    first = tree * (len(trees.parents) // 2)
+    room = len(trees.parents) // 2
+    first, rows = tree * room, tree * dof * room
     for k in range(node, trees.integers[tree]):
-        lost = k == node
-        if not lost and trees.parents[first + k] != NONE:
-            lost = math.isinf(trees.q[(first + trees.parents[first + k]) * dof])
-        if lost:
+        parent = trees.parents[first + k]
+        if k == node or (parent != NONE and math.isinf(trees.columns[rows + parent])):
             for j in range(dof):
-                trees.q[(first + k) * dof + j] = math.inf
+                trees.columns[rows + j * room + k] = math.inf

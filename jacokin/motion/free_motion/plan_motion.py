@@ -18,7 +18,7 @@ import time
 import weakref
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache, partial, reduce
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -166,9 +166,12 @@ def plan_motion(
         )
         return Meanwhile(solver, meanwhile, begun + limit).plan(plan, request.start, goal, step)
 
-    @cache
+    drawn: list[np.random.Generator] = []
+
     def randomness() -> np.random.Generator:
-        return np.random.default_rng(seed)
+        if not drawn:
+            drawn.append(np.random.default_rng(seed))
+        return drawn[0]
 
     return request.plan(aims, search, randomness, begun, begun + limit)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.run import ContactNumber
+from jacokin.kernels.contact.run import ContactNumber, among
 from jacokin.kernels.free_motion.run import (
     FINISHED,
     SHORTENING,
@@ -25,9 +25,9 @@ from jacokin.kernels.free_motion.run import (
     run_free_motion,
 )
 from jacokin.kernels.free_motion.shortcuts import WayInteger, make_way
-from jacokin.kernels.free_motion.space import FIRST_MODULUS, SECOND_MODULUS
+from jacokin.kernels.free_motion.space import FIRST_MODULUS, SECOND_MODULUS, make_space
 from jacokin.kernels.free_motion.trees import SearchInteger, SearchNumber, make_trees
-from jacokin.kernels.library import Call
+from jacokin.kernels.library import Call, SharedCalls
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
 from jacokin.motion.free_motion.leaving import Leaving, Nearness
@@ -82,6 +82,9 @@ class StraightMotion:
     reached: int
     blocked: NDArray[np.intp]
     near: list[int]
+
+
+_calls = SharedCalls(run_free_motion)
 
 
 class WaySearch:
@@ -225,27 +228,37 @@ class WaySearch:
         """The kernels with work arrays of this thread, with room for so many goals."""
         found: Call[MotionWork] | None = getattr(self._local, "call", None)
         if found is None:
-            work = make_motion_work(self.contact.geometry, max(goals, MOST_STRAIGHT), FIRST_ROOM)
-            robot, space = self._robot, work.space
-            space.lower[:], space.upper[:], space.unlimited[:] = robot.lower, robot.upper, robot.unlimited
-            space.low[:] = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -FARTHEST))
-            space.high[:] = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, FARTHEST))
-            space.levers[:] = self.contact.levers
-            numbers = work.sight.contact.numbers
-            numbers[ContactNumber.MARGIN_KEPT], numbers[ContactNumber.SLACK] = self._clearance, REFUSED_WITHIN
-            found = self._local.call = Call(run_free_motion, work)
-        elif goals > len(found.work.known):
+            found = self._local.call = self._first_call()
+        if goals > len(found.work.known):
             dof, more = len(found.work.start), 2 * goals
-            found = self._local.call = Call(
-                run_free_motion,
-                found.work._replace(
-                    goals=np.zeros(more * dof),
-                    known=np.zeros(more, np.int64),
-                    touching=np.zeros((more, 2), np.int64),
-                    chosen=np.zeros(more, np.int64),
-                ),
+            larger = found.work._replace(
+                goals=np.zeros(more * dof),
+                known=np.zeros(more, np.int64),
+                touching=np.zeros((more, 2), np.int64),
+                chosen=np.zeros(more, np.int64),
             )
+            found = self._local.call = Call(run_free_motion, larger, found)
         return found
+
+    def _first_call(self) -> Call[MotionWork]:
+        """One that shares with the search before it in this thread whatever does not depend on obstacles."""
+        call = _calls.call(self.contact.geometry.arm, self._make_work, self._among_obstacles)
+        work, robot = call.work, self._robot
+        space, numbers = work.space, work.sight.contact.numbers
+        space.lower[:], space.upper[:], space.unlimited[:] = robot.lower, robot.upper, robot.unlimited
+        space.low[:] = np.where(robot.unlimited, -np.pi, np.maximum(robot.lower, -FARTHEST))
+        space.high[:] = np.where(robot.unlimited, np.pi, np.minimum(robot.upper, FARTHEST))
+        space.levers[:] = self.contact.levers
+        numbers[ContactNumber.MARGIN_KEPT], numbers[ContactNumber.SLACK] = self._clearance, REFUSED_WITHIN
+        return call
+
+    def _make_work(self) -> MotionWork:
+        return make_motion_work(self.contact.geometry, MOST_STRAIGHT, FIRST_ROOM)
+
+    def _among_obstacles(self, work: MotionWork) -> MotionWork:
+        """The work arrays of this arm in another scene; the limits of a robot may be others."""
+        sight = work.sight._replace(contact=among(work.sight.contact, self.contact.geometry))
+        return work._replace(sight=sight, space=make_space(len(work.start)))
 
     def _grow(self, points: int = 0) -> Call[MotionWork]:
         """The call with trees twice as large, or for so many points, and a path for them; keeps what the trees hold."""
@@ -257,8 +270,9 @@ class WaySearch:
             old, new = slice(tree * room, (tree + 1) * room), slice(tree * more, tree * more + room)
             trees.parents[new] = work.trees.parents[old]
             trees.q.reshape(-1, dof)[new] = work.trees.q.reshape(-1, dof)[old]
+        trees.columns.reshape(2 * dof, more)[:, :room] = work.trees.columns.reshape(2 * dof, room)
         trees.integers[:], trees.numbers[:] = work.trees.integers, work.trees.numbers
         trees.integers[SearchInteger.IS_FULL] = 0
         larger = work._replace(trees=trees, way=make_way(dof, 2 * more), cuts=np.zeros(2 * more))
-        self._local.call = found = Call(run_free_motion, larger)
+        self._local.call = found = Call(run_free_motion, larger, self._call())
         return found

@@ -206,7 +206,8 @@ def test_what_is_cut_off_is_nearest_to_nothing(rng: np.random.Generator) -> None
         if int(trees.parents[node]) in lost:
             lost.add(node)
     cut_off(trees, 6, 0, 2)
-    assert set(np.flatnonzero(np.isinf(trees.q[: 6 * size].reshape(-1, 6)).all(axis=1)).tolist()) == lost
+    away = np.isinf(trees.columns[: 6 * 1024].reshape(6, -1)[:, :size]).all(axis=0)
+    assert set(np.flatnonzero(away).tolist()) == lost
     for _ in range(50):
         assert nearest_node(trees, space, 6, 0, rng.uniform(space.low, space.high)) not in lost
 

@@ -23,6 +23,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene, Sphere
+from jacokin.kernels.free_motion.trees import Trees, make_trees
 from jacokin.model import SelfContact
 from jacokin.model.contact import Contact
 from jacokin.model.own_shapes import kept_less
@@ -164,9 +165,20 @@ def test_trees_grow_beyond_their_first_room(
     robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start, pose = ways_through(robot, rng)
+    made = list[int]()
+
+    def make(dof: int, room: int) -> Trees:
+        made.append(room)
+        return make_trees(dof, room)
+
     monkeypatch.setattr(search, "FIRST_ROOM", 3)
-    motion = plan_motion(IKSolver(robot, collision="reject", scene=WALL), start, pose, time_limit=30.0)
+    monkeypatch.setattr(search, "make_trees", make)
+    solver = IKSolver(robot, collision="reject", scene=WALL)
+    with ThreadPoolExecutor(1) as pool:  # a thread that has no work arrays yet
+        motion = pool.submit(plan_motion, solver, start, pose, time_limit=30.0).result()
     check(robot, WALL, motion)
+    assert made[:2] == [6, 12]
+    np.testing.assert_array_equal(plan_motion(solver, start, pose, time_limit=30.0).q, motion.q)
 
 
 def test_threads_share_a_solver(robot: Robot, rng: np.random.Generator) -> None:
@@ -176,6 +188,29 @@ def test_threads_share_a_solver(robot: Robot, rng: np.random.Generator) -> None:
     with ThreadPoolExecutor(4) as pool:
         for motion in pool.map(lambda _: plan_motion(solver, start, pose, time_limit=30.0), range(8)):
             np.testing.assert_array_equal(motion.q, expected.q)
+
+
+def test_plans_do_not_depend_on_those_before(robot: Robot, rng: np.random.Generator) -> None:
+    """Nor on other scenes, clearances and limits of the same arm: what a thread keeps of a scene says nothing of it."""
+    start, goal = ways_through(robot, rng)
+    narrow = jacokin.load_robot(limits={"joint_1": (start[0] - 3.0, start[0] + 3.0)})
+    others = WALL.adding(*(Sphere(f"ball {k}", 0.02, [0.6, 0.1 * k, 0.7]) for k in range(-5, 6)))
+    solvers = [
+        IKSolver(robot, scene=WALL),
+        IKSolver(narrow, scene=WALL),
+        IKSolver(robot, scene=others),
+        IKSolver(robot, scene=WALL, clearance=0.01),
+        IKSolver(robot),
+    ]
+    alone = []
+    for solver in solvers:
+        with ThreadPoolExecutor(1) as pool:  # a thread that has planned nothing
+            alone.append(pool.submit(plan_motion, solver, start, goal).result())
+    for _ in range(2):
+        for solver, expected in zip(solvers, alone, strict=True):
+            np.testing.assert_array_equal(plan_motion(solver, start, goal).q, expected.q)
+    lengths = {len(each.t) for each in alone}
+    assert len(lengths) > 2, "all scenes are alike"
 
 
 def parted(robot: Robot) -> Scene:
