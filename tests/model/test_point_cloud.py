@@ -192,7 +192,11 @@ def test_a_plan_keeps_clear_of_a_cloud(robot: Robot, rng: np.random.Generator) -
 
 @pytest.mark.parametrize("speed", [0.0, 0.05])
 def test_a_tracker_stops_before_a_cloud(robot: Robot, rng: np.random.Generator, speed: float) -> None:
-    """Told to go through walls of points, standing and coming nearer."""
+    """Told to go through walls of points, standing and coming nearer.
+
+    Points beside the nearest one counted as near as they are along the wall: a hand stopped up to 12 mm before one that
+    stands. It stops half a millimetre before the clearance, but for what curvature takes.
+    """
     start, found = robot.forward_kinematics(robot.home), []
     target = pin.SE3(start.rotation, start.translation + np.array([0.5, 0.0, 0.0]))
     for _ in range(4):
@@ -211,7 +215,7 @@ def test_a_tracker_stops_before_a_cloud(robot: Robot, rng: np.random.Generator, 
     # One that comes nearer is kept away as far as it comes while the arm stops from full speed.
     ahead = speed * float((tracker.velocity_limit / tracker.acceleration_limit).max())
     assert 0.01 - 1e-4 + 0.5 * ahead < min(found)
-    assert max(found) < 0.012 + ahead
+    assert max(found) < 0.011 + ahead
     assert np.mean(found) > 0.01 + 0.7 * ahead
 
 

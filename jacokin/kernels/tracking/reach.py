@@ -228,8 +228,12 @@ def nearest_pair(work: ReachWork) -> int:
     return int(found)
 
 
-def look_ahead(work: ReachWork, q: Array, displacement: Array) -> None:
-    """Measure at a configuration, where all bounds hold, the watched pairs that a displacement could bring close."""
+def look_ahead(work: ReachWork, q: Array, displacement: Array) -> bool:
+    """Measure at a configuration, where all bounds hold, the watched pairs that a displacement could bring close.
+
+    Returns:
+        Whether shapes are placed there.
+    """
     pairs, ways = work.pairs, work.levers.ways
     for j in range(len(q)):
         work.at[j] = displacement[j]
@@ -244,6 +248,7 @@ def look_ahead(work: ReachWork, q: Array, displacement: Array) -> None:
                 place_links(work.geometry.arm, work.counts[LINKS], work.counts[GROUPS], q, work.places)
                 placed = True
             measure_within(work, i, within)
+    return placed
 
 
 def fill_ways(work: ReachWork) -> None:

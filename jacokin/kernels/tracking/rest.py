@@ -18,6 +18,8 @@ from jacokin.kernels.tracking.watch import could_come_near, measure_there, place
 
 #: [s] in which a pair that is too near moves apart.
 COMING_BACK = 0.05
+#: [m/rad] joints that change a distance by less move a pair apart less fast: where they hardly do, it is farthest.
+LEVER = 0.1
 
 
 def turn_aside(tick: TickWork, reach: ReachWork) -> None:
@@ -64,11 +66,14 @@ def add_step(tick: TickWork) -> None:
             aside.ends[count] = room_of(near, i)
             count += 1
     for r in range(count):
-        missing, hardest = -aside.ends[r], TINY
+        missing, hardest, square = -aside.ends[r], TINY, 0.0
         for j in range(dof):
-            hardest += EASY * tick.limits[j, ACCELERATION] * abs(aside.rows[r * dof + j])
+            a = aside.rows[r * dof + j]
+            hardest += EASY * tick.limits[j, ACCELERATION] * abs(a)
+            square += a * a
         if missing > 0.0:
-            aside.ends[r] = -min(back(missing, dt), braking_speed(missing, hardest, dt) * dt)
+            part = square / (square + LEVER * LEVER)
+            aside.ends[r] = -part * min(back(missing, dt), braking_speed(missing, hardest, dt) * dt)
         aside.place[r] = 0
     aside.size[0] = count
 

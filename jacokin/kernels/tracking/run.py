@@ -69,7 +69,7 @@ from jacokin.kernels.tracking.tick import (
     solve_tick,
 )
 from jacokin.kernels.tracking.twist import TwistWork, follow_twist, make_twist_work
-from jacokin.kernels.tracking.watch import add_corners, take_near, watch
+from jacokin.kernels.tracking.watch import take_near, watch_corners
 
 #: Where a call goes on: what near shapes and limits ask of any displacement, and no more; what those ask that a total
 #: could bring near, and no more; a whole tick; one whose total was found elsewhere; one along a twist, linearised; one
@@ -104,8 +104,7 @@ def run_tick(work: RunWork) -> int:
         return linearise_tick(tick)
     if stage == LOOK_AHEAD:
         place_joints(tick.arm, tick.q)
-        watch(tick, work.reach, tick.total)
-        add_corners(tick, work.reach)
+        watch_corners(tick, work.reach)
         return 0
     if stage <= FROM_TOTAL:
         outcome = find_step(work, stage)
@@ -139,8 +138,7 @@ def find_step(work: RunWork, stage: int) -> int:
         solve_tick(tick)
     else:
         known = tick.near.counts[1]
-    watch(tick, work.reach, tick.total)
-    add_corners(tick, work.reach)
+    watch_corners(tick, work.reach)
     solved = keeps_inequalities(tick, known) and (stage == FROM_TOTAL or is_within_limits(tick))
     if has_more(tick) or not solved:
         fill_damped(tick.problem, tick.numbers[DAMPED], len(tick.q))

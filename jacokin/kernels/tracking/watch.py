@@ -10,6 +10,7 @@ from jacokin.kernels.tracking.near import (
     BUFFER,
     CORNERED,
     FIRST_JOINT,
+    GAP,
     LAST_JOINT,
     LEAVES,
     NEAR_NUMBERS,
@@ -58,16 +59,25 @@ def take_near(tick: TickWork, reach: ReachWork, first: int) -> None:
     near.counts[0] = reach.counts[NEAR]
 
 
-def watch(tick: TickWork, reach: ReachWork, displacement: Array) -> None:
+def watch(tick: TickWork, reach: ReachWork, displacement: Array) -> bool:
     """Add what follows for the pairs that a displacement could bring near; the frames are where the arm is.
 
     No other pair can hold it up: the inequality of each is one that it satisfies.
+
+    Returns:
+        Whether shapes are placed there, too.
     """
-    known = tick.near.counts[0]
+    known, placed = tick.near.counts[0], False
     if tick.counts[GUARDED] == 1:
-        look_ahead(reach, tick.q, displacement)
+        placed = look_ahead(reach, tick.q, displacement)
         take_near(tick, reach, known)
         keep_apart(tick.arm, tick.near, known, tick.near.counts[1])
+    return placed
+
+
+def watch_corners(tick: TickWork, reach: ReachWork) -> None:
+    """Add what follows for all pairs, and their corners, that the total could bring near."""
+    add_corners(tick, reach, watch(tick, reach, tick.total))
 
 
 def could_come_near(reach: ReachWork, i: int) -> bool:
@@ -112,9 +122,15 @@ def could_turn_near(tick: TickWork, reach: ReachWork, k: int) -> bool:
     return bool(near.integers[k, LEAVES] == 0 and room < size * norm(cross(turn, normal)))
 
 
-def add_corners(tick: TickWork, reach: ReachWork) -> None:
-    """Add inequalities for other corners of the pairs that the total could bring too near with them."""
-    near, there, dof, placed = tick.near, tick.there, len(tick.q), False
+def add_corners(tick: TickWork, reach: ReachWork, placed: bool) -> None:
+    """Add inequalities for other corners of the pairs that the total could bring too near with them.
+
+    Args:
+        tick: with the total.
+        reach: measures.
+        placed: whether shapes are placed where the arm is.
+    """
+    near, there, dof = tick.near, tick.there, len(tick.q)
     for k in range(near.counts[0]):
         if near.integers[k, CORNERED] == 1 or not could_turn_near(tick, reach, k):
             continue
@@ -128,6 +144,8 @@ def add_corners(tick: TickWork, reach: ReachWork) -> None:
         shapes, corners = reach.geometry.shapes, reach.corners
         for c in range(1, measure_corners(shapes, reach.places, reach.pair, pair, reach.around, corners)):
             note_near(reach, i, corners[c], there.numbers[0])
+            # Points of a cloud beside the nearest one are farther away than they are along its surface's normal.
+            there.numbers[0, GAP] = max(there.numbers[0, GAP], near.numbers[k, GAP])
             room, at = room_of(there, 0), near.counts[1]
             fill_change(tick.arm, there, 0, -1.0, near.rows, at * dof)
             near.ends[at], near.rooms[at] = max(room, 0.0), room

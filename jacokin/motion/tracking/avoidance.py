@@ -52,7 +52,20 @@ MEASURED = 0.01  # [m] above the distance, from which pairs are always measured
 LOOKED_AHEAD = 0.15  # [s] a moving obstacle that would be too near by then is avoided now
 TRIED = 100  # configurations in which a pair of shapes is too near, before it counts as one that no motion parts
 NEARER = 2e-3  # [m] such a pair may come nearer than it was: links that turn on the spot are not quite round
+PATIENCE = 0.5  # [s] in which what is too near a shape comes no farther away: then it stays about as it is
+FARTHER = 1e-4  # [m] farther away than ever before counts as farther
 NO_PAIRS, NO_NUMBERS = np.empty(0, dtype=np.int64), np.empty((0, NEAR_NUMBERS))
+
+
+class Parting(NamedTuple):
+    """How far what is too near a shape has moved away from it."""
+
+    first: float
+    """The least distance when it was found to be too near [m]."""
+    farthest: float
+    """The largest least distance since [m]."""
+    ticks: int
+    """Since that."""
 
 
 class Contacts(NamedTuple):
@@ -62,9 +75,11 @@ class Contacts(NamedTuple):
     """Directions (3,) in which shapes leave the obstacles they are inside of, by the obstacle's number."""
     kept: Mapping[int, float]
     """Distances [m] that are kept instead of the clearance, by the number of a pair that no motion parts."""
+    parting: Mapping[int, Parting]
+    """How what is too near moves apart, by the number of the first shape of its pairs."""
 
 
-NO_CONTACTS = Contacts({}, {})
+NO_CONTACTS = Contacts({}, {}, {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +220,7 @@ class ClearanceGuard:
     def start(self, q: Array, kept: Mapping[int, float] = NO_CONTACTS.kept) -> Distances:
         """Distances at a configuration (dof,) [rad] nothing is known about, but maybe pairs that no motion parts."""
         found = self._measure(q, np.full(len(self._first), -np.inf), NO_CONTACTS, beyond=np.inf)
-        return self._judged(replace(found, contacts=Contacts({}, kept)), None)
+        return self._judged(replace(found, contacts=NO_CONTACTS._replace(kept=kept)), None)
 
     def move(self, q: Array, before: Distances, step: Array) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
@@ -283,7 +298,30 @@ class ClearanceGuard:
                 kept[pair] = distance - NEARER
         kept.update((pair, near[pair] - NEARER) for pair in self._staying(fresh))
         self._held = None
-        return replace(now, contacts=now.contacts._replace(kept=kept))
+        parting = now.contacts.parting if before is None else NO_CONTACTS.parting  # waited for anew where it moves
+        return replace(now, contacts=now.contacts._replace(kept=kept, parting=parting))
+
+    def _waited(self, now: Distances, kept: dict[int, float]) -> dict[int, Parting]:
+        """How what is too near moves apart; where that has come to its end, it is added to what is kept."""
+        close = now.distance < self._distances[now.near]
+        measured = zip(now.near[close].tolist(), now.distance[close].tolist(), strict=True)
+        near = {pair: distance for pair, distance in measured if pair not in kept}
+        least, parting = dict[int, float](), dict[int, Parting]()
+        for pair, distance in near.items():
+            shape = int(self._first[pair])
+            least[shape] = min(distance, least.get(shape, np.inf))
+        for shape, distance in least.items():
+            before = now.contacts.parting.get(shape)
+            if before is None:
+                parting[shape] = Parting(distance, distance, 0)
+            elif distance > before.farthest + FARTHER:
+                parting[shape] = Parting(before.first, distance, 0)
+            elif (before.ticks + 1) * self._dt < PATIENCE:
+                parting[shape] = before._replace(ticks=before.ticks + 1)
+            else:
+                nearest = before.first if before.first > 0.0 else np.inf
+                kept.update((p, _about(min(each, nearest))) for p, each in near.items() if self._first[p] == shape)
+        return parting
 
     def _staying(self, pairs: list[int]) -> list[int]:
         """Which pairs are too near in all of many configurations."""
@@ -327,9 +365,10 @@ class ClearanceGuard:
             work.pairs.bound[:], work.near[:count], work.rows[:count] = now.bound, now.near, now.numbers
             work.pairs.exact[:], work.numbers[LEAST] = 0, now.least
             work.pairs.exact[now.near] = 1
-        kept = now.contacts.kept
-        if kept:
-            kept = {pair: each for pair, each in kept.items() if now.bound[pair] < self._distances[pair] + BUFFER}
+        kept = {
+            pair: each for pair, each in now.contacts.kept.items() if now.bound[pair] < self._distances[pair] + BUFFER
+        }
+        parting = self._waited(now, kept) if now.least < self._largest else NO_CONTACTS.parting
         self._keep(kept)
         if now is not held:
             work.rows[:count, KEPT] = work.pairs.kept[now.near]
@@ -342,7 +381,7 @@ class ClearanceGuard:
             for pair in np.flatnonzero(leaving).tolist():
                 work.pairs.exits[pair] = exits[int(self._first[pair])]
             self._leaves = bool(exits)
-        return Contacts(exits, kept)
+        return Contacts(exits, kept, parting)
 
     def _exits(self, now: Distances, kept: Mapping[int, float]) -> dict[int, Array]:
         """One way out of each obstacle that something is inside.
@@ -369,6 +408,11 @@ class ClearanceGuard:
         """Which pairs no motion parts, to end a sentence; "" for none."""
         names = ", ".join(map(self.name, now.contacts.kept))
         return f"; no motion parts {names}" if names else ""
+
+
+def _about(distance: float) -> float:
+    """What is kept of a distance [m] that does not become larger; what is near does not touch."""
+    return distance - (min(NEARER, max(BUFFER, 0.5 * distance)) if distance > 0.0 else NEARER)
 
 
 def _range(limits: JointLimits) -> tuple[Array, Array]:

@@ -182,6 +182,80 @@ def test_an_obstacle_that_comes_into_the_shoulder_and_stays_does_not_shake_the_a
     assert not step.message
 
 
+#: Blocks beside a shoulder: the arm, edge lengths and centre [m], yaw [rad], and how far off targets may stay [m].
+BESIDE = {
+    "clear": ("gen3", [0.138, 0.115, 0.168], [-0.128, -0.009, 0.154], -3.073, [1e-4, 1e-4, 0.04]),
+    "touching": ("gen3", [0.194, 0.189, 0.138], [-0.043, 0.148, 0.223], 1.856, [1e-4, 1e-4, 1e-4]),
+    "inside": ("gen3", [0.162, 0.118, 0.186], [-0.005, 0.128, 0.244], 1.613, [1e-4, 1e-4, 1e-4]),
+    "many": ("j2s7s300", [0.166, 0.173, 0.16], [-0.126, 0.028, 0.224], 2.92, [1e-4, 1e-4, 1e-4]),
+    "many inside": ("j2s7s300", [0.176, 0.176, 0.168], [0.063, -0.121, 0.249], -1.091, [0.01, 0.09, 0.01]),
+}
+#: [rad] from home to the targets beside these.
+AWAY = {
+    "clear": [
+        [0.18, 0.79, -0.35, 0.23, -0.59, -0.13, -0.56],
+        [0.53, 0.29, -0.79, -0.28, -0.68, -0.39, 0.23],
+        [0.09, -0.6, 0.12, -0.3, 0.37, 0.04, -0.08],
+    ],
+    "touching": [
+        [-0.27, -0.19, -0.7, -0.3, 0.77, 0.09, -0.13],
+        [-0.36, 0.1, 0.2, 0.69, 0.65, -0.13, 0.62],
+        [-0.46, -0.21, 0.26, -0.09, 0.24, 0.3, 0.5],
+    ],
+    "inside": [
+        [-0.2, -0.3, -0.16, 0.39, -0.23, 0.55, -0.43],
+        [-0.15, -0.26, 0.16, 0.59, 0.68, 0.43, -0.18],
+        [0.01, -0.45, 0.72, 0.06, 0.31, 0.03, -0.38],
+    ],
+    "many": [
+        [0.0, 0.4, 0.26, 0.67, -0.57, 0.57, 0.3],
+        [-0.38, 0.6, -0.72, 0.34, 0.68, 0.24, -0.75],
+        [0.0, 0.4, 0.08, -0.23, -0.8, 0.44, 0.36],
+    ],
+    "many inside": [
+        [0.61, 0.22, -0.71, 0.54, 0.0, 0.05, -0.21],
+        [0.15, 0.63, 0.53, 0.14, 0.04, -0.32, -0.77],
+        [0.25, 0.28, -0.51, 0.68, 0.56, -0.26, -0.69],
+    ],
+}
+
+
+@pytest.mark.parametrize("case", BESIDE)
+def test_a_block_beside_the_shoulder_neither_holds_nor_shakes_the_arm(bundled: Find, case: str) -> None:
+    """Shapes that can move apart, but hardly, held the arm up to 0.3 m away, or turned its first joint to and fro."""
+    name, size, place, yaw, off = BESIDE[case]
+    robot, scene = bundled(name), Scene([Box("block", size, jacokin.pose(place, rpy=[0.0, 0.0, yaw]))])
+    start = robot.clearance(robot.home, scene)
+    assert start < DISTANCE
+    for away, most in zip(AWAY[case], off, strict=True):
+        tracker, target = Tracker(robot, scene=scene), robot.forward_kinematics(robot.home + np.array(away))
+        steps = [tracker.step(target) for _ in range(900)]
+        least = min(step.clearance for step in steps if step.clearance is not None)
+        assert least >= start - NEARER
+        assert least > 0.0 or start < 0.0
+        assert steps[-1].position_error < most
+        assert np.abs(steps[-1].v).max() < 1e-5
+        assert jolts(np.array([step.v for step in steps]), robot.velocity_limit / 0.3, 0.01) <= 4
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_what_stays_too_near_is_named_until_it_is_away(bundled: Find, moves: bool) -> None:
+    gen3 = bundled("gen3")
+    _, size, place, yaw, _ = BESIDE["clear"]
+    block = Box("block", size, jacokin.pose(place, rpy=[0.0, 0.0, yaw]))
+    tracker, pose = Tracker(gen3, scene=Scene([block])), gen3.forward_kinematics(gen3.home)
+    messages = []
+    for tick in range(120):
+        there = jacokin.pose([*place[:2], place[2] + 1e-6 * (tick % 2)], rpy=[0.0, 0.0, yaw])
+        messages.append(tracker.step(pose, obstacles={"block": there} if moves else None).message)
+    assert "no motion parts" not in messages[30]
+    # One that is told to be elsewhere all the time is waited for anew.
+    assert ("no motion parts block~link_1" in messages[-1]) is not moves
+    for _ in range(2):
+        gone = tracker.step(pose, obstacles={"block": [0.0, 0.0, -1.0]})
+    assert "no motion parts" not in gone.message
+
+
 def test_the_floor_is_not_touched(robot: Robot) -> None:
     referee = Referee(robot, Scene([Floor()]), self_collision=False)
     tracker = Tracker(robot, scene=Scene([Floor()]), self_collision=False)
