@@ -143,7 +143,9 @@ class CurveArm:
         """A pose (4, 4) of six joints whose tool may turn, which it does not along the self-motions of the pose."""
         return CurveProblem(self, with_axis(self._chain, ANY_AXIS), T, self._limits, ANY_AXIS)
 
-    def _prepare(self, problem: CurveProblem, starts: Array, *, only_starts: bool = False) -> _Calls:
+    def _prepare(
+        self, problem: CurveProblem, starts: Array, *, only_starts: bool = False, sure: bool = False
+    ) -> _Calls:
         try:
             calls = self._idle.pop()
         except IndexError:
@@ -151,7 +153,7 @@ class CurveArm:
         work, walk, six = calls.solve.work, calls.solve.work.walk, calls.solve.work.six
         walk.chain[:], walk.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
         walk.parameter[0] = self.parameter
-        work.options[:] = NO_SLICES if only_starts else self._kind, self.dof
+        work.options[:] = NO_SLICES if only_starts else self._kind, self.dof, sure
         work.starts[:], work.near.seed[:], work.near.slack[0] = np.nan, np.nan, self._slack
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
@@ -234,9 +236,12 @@ class CurveProblem(NamedTuple):
     axis: Array | None
     """(3,) of a free axis of six joints, in the tool frame."""
 
-    def find(self, starts: Array, *, only_starts: bool = False) -> Curves:
-        """All curves; also those that lead from starts (k, 7) nearby, or those alone."""
-        calls = self.arm._prepare(self, starts, only_starts=only_starts)
+    def find(self, starts: Array, *, only_starts: bool = False, sure: bool = True) -> Curves:
+        """All curves; also those that lead from starts (k, 7) nearby, or those alone.
+
+        Where it need not be sure whether any are missing, they may count as such.
+        """
+        calls = self.arm._prepare(self, starts, only_starts=only_starts, sure=sure)
         wrong, work = calls.solve(), calls.solve.work
         found = read_curves(work, complete=wrong == 0)
         self.arm._put_back(calls)

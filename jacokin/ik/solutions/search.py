@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -19,8 +20,8 @@ from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
 from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
-from jacokin.ik.solutions.least import least, minima
-from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members
+from jacokin.ik.solutions.least import minima, refine
+from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members
 from jacokin.ik.solutions.solution_set import IntervalEnd
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
@@ -34,6 +35,9 @@ from jacokin.model.robot import Robot
 TRIED = 0.03
 #: Of an interval along which the parameter stands still, how many are; and so many are looked at together.
 TRIED_STANDING, AT_ONCE = 16, 64
+#: Along a track, minima among the guesses at most at which it is looked at exactly; and [rad] by how much less an angle
+#: may be beyond its limit between two guesses: half the way, but for what the guesses are inexact and the way is bent.
+LOOKED_AT, LESS_BETWEEN = 3, 0.6 * GUESS_SPACING
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -217,12 +221,13 @@ class SetSearch:
             tuple(intervals), members, parameter=self.parameter, branches=found.branches, complete=complete
         )
 
+        @functools.cache
         def tracks() -> Sequence[CurveTrack]:
             return [
                 CurveTrack(problem, nodes, least) for whole in found.whole for nodes in _between_folds(whole, index)
             ]
 
-        return CurveFindings(curves, members, lambda: _find_least_excess(tracks(), robot), tracks)
+        return CurveFindings(curves, members, functools.cache(lambda: _find_least_excess(tracks(), robot)), tracks)
 
     def _reaches(self, x: Array, members: Members) -> bool:
         """Whether a single point (14,), where joints pass their limits at once, is within them but for rounding."""
@@ -273,7 +278,7 @@ class SetSearch:
     def _tracks(self, target: TargetPose, T: Array) -> Sequence[CurveTrack]:
         """The branches of a target that is moved to a pose (4, 4)."""
         problem = self._arm.problem(target)._replace(T=T)
-        found = problem.find(np.empty((0, DIMENSIONS)))
+        found = problem.find(np.empty((0, DIMENSIONS)), sure=False)
         return self._findings(problem, found, self.members(target, self._verifier.robot.home)).tracks()
 
     def closest_to(self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome) -> IKResult:
@@ -304,23 +309,34 @@ def _find_least_excess(tracks: Sequence[CurveTrack], robot: Robot) -> LimitExces
     """Where tracks come nearest to the limits; None without any."""
     bounded = robot.upper - robot.lower < TURN
     lower, upper = np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)
+    low, high = lower[bounded], upper[bounded]
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
 
-    def excess(rows: Array) -> Array:
-        beyond: Array = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, lower, upper)))
+    def worst(rows: Array) -> Array:
+        beyond: Array = (np.abs(angles.wrap_to_pi(rows[:, bounded] - middle)) - half).max(axis=1, initial=0.0)
         return beyond
 
-    best: tuple[float, float, Array] | None = None
+    def value(look: tuple[float, CurveTrack, Array, int]) -> float:
+        return look[0]
+
+    looks = list[tuple[float, CurveTrack, Array, int]]()
     for track in tracks:
         coordinates, rows = track.guesses()
-        coordinate = least(lambda rows: excess(rows).max(axis=1), coordinates, rows, track.configuration)
-        p, q = track.point(coordinate)
-        worst = float(excess(q).max())
-        if best is None or worst < best[0]:
-            best = (worst, p, q)
+        values = worst(rows)
+        looks += [(float(values[n]), track, coordinates, n) for n in minima(values)[:LOOKED_AT].tolist()]
+    best: tuple[float, CurveTrack, float] | None = None
+    for guessed, track, coordinates, n in sorted(looks, key=value):
+        if best is not None and max(guessed - LESS_BETWEEN, 0.0) >= best[0]:
+            break
+        least, coordinate = refine(worst, coordinates, n, track.configuration)
+        if best is None or least < best[0]:
+            best = least, track, coordinate
     if best is None:
         return None
-    _, parameter, q = best
-    return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
+    _, track, coordinate = best
+    parameter, q = track.point(coordinate)
+    excess: Array = np.abs(angles.wrap_to_pi(q - angles.into_limits(q, lower, upper)))
+    return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess, parameter)
 
 
 def _end(code: int, robot: Robot) -> IntervalEnd:
