@@ -175,7 +175,7 @@ class CurveArm:
         return work
 
     def _nearest(self, call: Call[NearestWork], seed: Array) -> Array | None:
-        """The point (7,) of pieces that is nearest to a seed (dof,); None without any."""
+        """The point (7,) of pieces that is nearest to a seed (dof,); None where it is not found."""
         call.work.seed[: self.dof] = seed
         return call.work.x.copy() if call() else None
 
@@ -239,7 +239,7 @@ class CurveProblem(NamedTuple):
     def find(self, starts: Array, *, only_starts: bool = False, sure: bool = True) -> Curves:
         """All curves; also those that lead from starts (k, 7) nearby, or those alone.
 
-        Where it need not be sure whether any are missing, they may count as such.
+        Where it need not be sure, those of which no root of F tells are not looked for, and count as missing.
         """
         calls = self.arm._prepare(self, starts, only_starts=only_starts, sure=sure)
         wrong, work = calls.solve(), calls.solve.work
@@ -247,28 +247,35 @@ class CurveProblem(NamedTuple):
         self.arm._put_back(calls)
         return found
 
-    def nearest(self, starts: Array, seed: Array, parameter: float) -> Array | None:
-        """The point (7,) within the limits nearest to a seed (dof,) [rad]; None for none.
+    def nearest(self, starts: Array, seed: Array, parameter: float) -> Array | Curves | None:
+        """The point (7,) within the limits nearest to a seed (dof,) [rad], or all curves where none is within them.
 
         Args:
             starts: (k, 7) points nearby whose curves are followed too.
             seed: (dof,) [rad].
             parameter: [rad] of the seed: about a free axis, where the target is turned least from it.
+
+        Returns:
+            None where neither is known.
         """
         if self.arm.nearly is not None:
             x = self._replace(arm=self.arm.nearly).nearest(starts, seed, parameter)
             if x is not None:
                 return x
-        calls, dof = self.arm._prepare(self, starts), len(seed)
+        calls, dof = self.arm._prepare(self, starts, sure=True), len(seed)
         work = calls.solve.work
         work.near.bounds[:, :dof], work.near.bounds[:, dof:] = self.arm._bounds, self.limits[:, dof:]
         work.near.seed[dof:] = parameter
         work.near.seed[:dof] = seed
-        calls.solve()
-        work.pieces.ends[work.pieces.size[1] :] = 0
-        x = self.arm._nearest(calls.nearest, seed)
+        wrong = calls.solve()
+        found: Array | Curves | None
+        if work.pieces.size[1] > 0:
+            work.pieces.ends[work.pieces.size[1] :] = 0
+            found = self.arm._nearest(calls.nearest, seed)
+        else:  # an arm that nearly has a structure is not looked at all round
+            found = read_curves(work, complete=wrong == 0) if self.arm._slack == 0.0 else None
         self.arm._put_back(calls)
-        return x
+        return found
 
     def nearest_on(self, nodes: Array, seed: Array) -> Array | None:
         """The point (7,) within the limits on a run of nodes (m, 14), nearest to a seed (dof,) [rad]; None for none."""

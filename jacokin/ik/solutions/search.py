@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis
@@ -21,7 +22,7 @@ from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
 from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
 from jacokin.ik.solutions.least import minima, refine
-from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members
+from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members, polylines
 from jacokin.ik.solutions.solution_set import IntervalEnd
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
@@ -106,9 +107,10 @@ class SetSearch:
         beyond = self._closest.reach.exceeded(request.target)
         if beyond is not None:
             return self.closest_to(request, members, None, beyond)
-        if request.cost is None:  # the kernels find the nearest member at once
+        known: Curves | None = None
+        if request.cost is None:  # the kernels find the nearest member at once, or the whole set
             starts = self._starts(members)
-            member = self._nearest(members, starts)
+            member, known = self._nearest(members, starts)
             first = self._beside_seed(members, starts, member)
             if member is not None:
                 first.append(members.candidate(*member))
@@ -116,7 +118,8 @@ class SetSearch:
                 result = verifier.select(iter(first), request, "")
                 if result is not None and not (result.touching and verifier.avoids_contact):
                     return result
-        found = self.find(request.target, request.seed)
+        problem = self._arm.problem(request.target)
+        found = self._findings(problem, problem.find(self._starts(members)) if known is None else known, members)
         candidates = found.candidates(request.cost, several=verifier.avoids_contact)
         in_contact = "every member that was tried is in contact; the best one"
         result = verifier.select(candidates, request, in_contact)
@@ -241,16 +244,18 @@ class SetSearch:
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
         members = self.members(target, seed)
-        return self._nearest(members, self._starts(members))
+        return self._nearest(members, self._starts(members))[0]
 
-    def _nearest(self, members: Members, starts: Array) -> tuple[Array, float] | None:
-        """The member (dof,) nearest to the seed and its parameter [rad], on curves beside points (k, 7) too."""
-        robot = members.robot
-        seed = members.seed
-        x = self._arm.problem(members.target).nearest(starts, seed, members.parameter(seed))
-        if x is None:
-            return None
-        return x[: robot.dof].clip(robot.lower, robot.upper), x.item(self._arm.parameter)
+    def _nearest(self, members: Members, starts: Array) -> tuple[tuple[Array, float] | None, Curves | None]:
+        """The member (dof,) nearest to the seed and its parameter [rad], on curves beside points (k, 7) too.
+
+        And where there is none, the curves of the whole set.
+        """
+        robot, seed = members.robot, members.seed
+        found = self._arm.problem(members.target).nearest(starts, seed, members.parameter(seed))
+        if found is None or isinstance(found, Curves):
+            return None, found
+        return (found[: robot.dof].clip(robot.lower, robot.upper), found.item(self._arm.parameter)), None
 
     def _almost_reaching(self, request: Request, found: CurveFindings) -> Array:
         """Rows (k, dof), with the parameter of a free axis after them, where branches come nearest to the limits [rad].
@@ -262,18 +267,19 @@ class SetSearch:
         tracks = list(found.tracks())
         for T in self._near_misses.moved(target.matrix):
             tracks += self._tracks(target, T)
-        starts = [np.empty((0, robot.dof + (target.free_axis is not None)))]
-        for track in tracks:
-            parameters, rows = track.polyline()
-            outside = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, robot.lower, robot.upper))).max(axis=1)
-            chosen = minima(outside)
-            within = np.sort(chosen[outside[chosen] == 0.0])
-            within = within[np.linspace(0, len(within) - 1, min(len(within), SPREAD)).astype(np.intp)]
-            beyond = chosen[(outside[chosen] > 0.0) & (outside[chosen] <= self._near_misses.near)]
-            chosen = np.concatenate([within, beyond[:SPREAD]])
-            some = rows[chosen]
-            starts.append(some if target.free_axis is None else np.column_stack([some, parameters[chosen]]))
-        return np.vstack(starts)
+        if not tracks:
+            return np.empty((0, robot.dof + (target.free_axis is not None)))
+        parameters, rows, begins = polylines(tracks)
+        outside = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, robot.lower, robot.upper))).max(axis=1)
+        chosen = list[NDArray[np.intp]]()
+        for first, last in itertools.pairwise(begins.tolist()):
+            least = first + minima(outside[first:last])
+            within = np.sort(least[outside[least] == 0.0])
+            chosen.append(within[np.linspace(0, len(within) - 1, min(len(within), SPREAD)).astype(np.intp)])
+            beyond = least[(outside[least] > 0.0) & (outside[least] <= self._near_misses.near)]
+            chosen.append(beyond[:SPREAD])
+        some = np.concatenate(chosen)
+        return rows[some] if target.free_axis is None else np.column_stack([rows[some], parameters[some]])
 
     def _tracks(self, target: TargetPose, T: Array) -> Sequence[CurveTrack]:
         """The branches of a target that is moved to a pose (4, 4)."""

@@ -79,7 +79,7 @@ NARROW = 1e-3
 BROUGHT, APART = 64, 0.05
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
-#: Where the options are: kind of `slices`, joints, and 1 where curves are looked for of which no root of F tells, else 0.
+#: Where the options are: kind of `slices`, joints, and 1 to look for curves, too, of which no root of F tells, else 0.
 SetOption = IntEnum("SetOption", "KIND JOINTS SURE", start=0)
 
 
