@@ -93,11 +93,18 @@ class FewJoints:
 
     def _along_first(self, target: TargetPose) -> bool:
         """Whether the free axis of a target is parallel to the axis of the first of five joints, about."""
-        robot = self._verifier.robot
-        if target.free_axis is None or robot.dof != 5:
+        if target.free_axis is None or self._verifier.robot.dof != 5:
             return False
-        first = robot.pin_model.jointPlacements[1].rotation @ axis_of(robot.pin_model, 1).direction
-        return float(np.linalg.norm(np.cross(first, target.rotation @ target.free_axis.axis))) < PARALLEL
+        x, y, z = self._first_axis
+        u, v, w = (target.rotation @ target.free_axis.axis).tolist()
+        return math.hypot(y * w - z * v, z * u - x * w, x * v - y * u) < PARALLEL
+
+    @functools.cached_property
+    def _first_axis(self) -> list[float]:
+        """The axis of the first joint in the base, a unit vector: plain floats are faster here than NumPy."""
+        model = self._verifier.robot.pin_model
+        direction: list[float] = (model.jointPlacements[1].rotation @ axis_of(model, 1).direction).tolist()
+        return direction
 
     def _angles(self, target: TargetPose, seed: Array) -> list[float]:
         """Angles about the free axis, that of the seed (dof,) first, those within its range."""

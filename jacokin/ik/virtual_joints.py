@@ -30,14 +30,13 @@ from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR
-from jacokin.kernels.tolerances import LIMIT_SNAP
+from jacokin.kernels.library import Call
+from jacokin.kernels.still_joints import StillWork, make_still_work, stand_still
 from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.kinematics import axis_of
 
-STANDS = 0.03  # [rad] of a joint that should stand at zero: from there on Newton's method decides
 SAME = 1e-7  # [rad] configurations nearer than that are one
-LOCAL = pin.ReferenceFrame.LOCAL
 
 #: Where joints that stand at zero are: turned by [rad], moved by [lengths of the arm]. Any generic numbers will do.
 ANYWHERE = (
@@ -111,9 +110,8 @@ class VirtualJoints:
 
     __slots__ = (
         "_form",
-        "_frame",
+        "_idle",
         "_lower",
-        "_model",
         "_position_only",
         "_real",
         "_sign",
@@ -151,8 +149,8 @@ class VirtualJoints:
         lower = np.concatenate([robot.lower[: self._real], -unbounded])
         upper = np.concatenate([robot.upper[: self._real], unbounded])
         self._lower, self._upper = robot.lower.tolist(), robot.upper.tolist()
-        self._model, self._frame = self._chain(virtual)
-        self._form = ClosedForm(self._model, self._frame, None, lower, upper, limit_snap=limit_snap)
+        self._form = ClosedForm(*self._chain(virtual), None, lower, upper, limit_snap=limit_snap)
+        self._idle = [self._make_call()]  # each thread takes one, or makes one, and puts it back
 
     def measured_by(self, verifier: Verifier) -> VirtualJoints:
         """This chain for another solver of the same arm, frame and tool."""
@@ -168,11 +166,10 @@ class VirtualJoints:
             T = T.copy()
             T[:3, :3] = ORIENTATION
         found = self._form.solve_all(T, start)
-        at_seed, rows = seed.tolist(), found.rows.tolist()  # plain floats: for a few rows they are faster than NumPy
+        at_seed = seed.tolist()  # plain floats: for a few rows they are faster than NumPy
+        rows = self._standing(found.rows, T) if self._still else found.rows.tolist()
         made = []
         for row in rows:
-            if self._still and not self._stands(row, T):
-                continue
             q, parameter, reached = row[:real] + at_seed[real:], math.nan, True
             if target.free_axis is not None:
                 turned = row[real] + sign * q[-1]
@@ -200,41 +197,25 @@ class VirtualJoints:
         measured = row[POSITION_ERROR], orientation, math.dist(q, seed), within, family  # in the order of the columns
         return [*q, *none, *margin, *none, *measured]
 
-    def _stands(self, row: list[float], T: Array) -> bool:
-        """Whether the last joints of a row stand at zero within the tolerances; it is changed so that they do."""
-        free = SIX - self._still
-        stood = max(abs(math.remainder(angle, TURN)) for angle in row[free:SIX])
-        if stood >= STANDS:
-            return False
-        row[free:SIX] = [0.0] * self._still
-        if stood < 1e-10:  # [rad] of such a joint: nothing to correct
-            return True
-        q, data = np.array(row[:SIX]), self._model.createData()
-        for _ in range(8):  # of Newton's method
-            pin.computeJointJacobians(self._model, data, q)
-            error = self._error(data, T)
-            jacobian = pin.getFrameJacobian(self._model, data, self._frame, LOCAL)[:, :free]
-            step = np.linalg.lstsq(jacobian, error, rcond=None)[0]
-            q[:free] += step
-            if np.abs(step).max() < 1e-7:  # [rad] after which it ends: the next one would be rounding
-                break
-        lower, upper = self._lower[: self._real], self._upper[: self._real]
-        real = q[: self._real]
-        onto = real.clip(lower, upper)
-        real[:] = np.where(np.abs(onto - real) < LIMIT_SNAP, onto, real)
-        pin.forwardKinematics(self._model, data, q)
-        error = self._error(data, T)
-        row[:SIX], row[SIX : SIX + self._real] = q.tolist(), np.minimum(real - lower, upper - real).tolist()
-        row[POSITION_ERROR], row[ORIENTATION_ERROR] = math.hypot(*error[:3]), math.hypot(*error[3:])
-        options = self._verifier.options
-        near = row[POSITION_ERROR] <= options.position_tolerance
-        return near and row[ORIENTATION_ERROR] <= options.orientation_tolerance
+    def _standing(self, rows: Array, T: Array) -> list[list[float]]:
+        """Those of rows (k, 17) whose last joints stand at zero within the tolerances, with these exactly there."""
+        try:
+            call = self._idle.pop()
+        except IndexError:
+            call = self._make_call()
+        work, options = call.work, self._verifier.options
+        work.T[:], work.counts[0], work.rows[: len(rows)] = T, len(rows), rows
+        work.tolerances[:] = options.position_tolerance, options.orientation_tolerance
+        found: list[list[float]] = work.rows[: call()].tolist()
+        self._idle.append(call)
+        return found
 
-    def _error(self, data: pin.Data, T: Array) -> Array:
-        """What is missing of a pose (6,) where the chain's joints are placed [m and rad], in the axes of the tool."""
-        placed: pin.SE3 = pin.updateFramePlacement(self._model, data, self._frame)
-        R = placed.rotation.T
-        return np.concatenate([R @ (T[:3, 3] - placed.translation), pin.log3(R @ T[:3, :3])])
+    def _make_call(self) -> Call[StillWork]:
+        """Work arrays that know the chain."""
+        work = make_still_work()
+        work.chain[:], work.counts[1:] = self._form.chain, (self._real, SIX - self._still)
+        work.bounds[:, : self._real] = self._lower[: self._real], self._upper[: self._real]
+        return Call(stand_still, work)
 
     def _last_along(self, axis: Array) -> float:
         """Whether the last joint turns about the free axis (3,) itself: 1.0, against it -1.0, or not 0.0."""

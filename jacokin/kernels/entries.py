@@ -38,6 +38,7 @@ from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
 from jacokin.kernels.solution_set.nearest import find_nearest, find_point, make_nearest_work, make_point_work
 from jacokin.kernels.solution_set.run import make_set_work, solve_set
 from jacokin.kernels.speeds import fit_speeds, make_speed_work
+from jacokin.kernels.still_joints import make_still_work, stand_still
 from jacokin.kernels.tracking.reach import make_reach_work, try_reach
 from jacokin.kernels.tracking.run import make_run_work, run_tick
 
@@ -71,6 +72,7 @@ ENTRIES = (
     Entry(solve_set, make_set_work),
     Entry(find_point, make_point_work),
     Entry(find_nearest, make_nearest_work),
+    Entry(stand_still, make_still_work),
     Entry(place_frames, make_frame_work),
     Entry(find_torques, make_torque_work),
     Entry(find_mass_matrices, make_mass_work),

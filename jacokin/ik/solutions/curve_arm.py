@@ -143,7 +143,9 @@ class CurveArm:
         """A pose (4, 4) of six joints whose tool may turn, which it does not along the self-motions of the pose."""
         return CurveProblem(self, with_axis(self._chain, ANY_AXIS), T, self._limits, ANY_AXIS)
 
-    def _prepare(self, problem: CurveProblem, starts: Array, *, only_starts: bool = False) -> _Calls:
+    def _prepare(
+        self, problem: CurveProblem, starts: Array, *, only_starts: bool = False, sure: bool = False
+    ) -> _Calls:
         try:
             calls = self._idle.pop()
         except IndexError:
@@ -151,7 +153,7 @@ class CurveArm:
         work, walk, six = calls.solve.work, calls.solve.work.walk, calls.solve.work.six
         walk.chain[:], walk.T[:], work.pieces.limits[:] = problem.chain, problem.T, problem.limits
         walk.parameter[0] = self.parameter
-        work.options[:] = NO_SLICES if only_starts else self._kind, self.dof
+        work.options[:] = NO_SLICES if only_starts else self._kind, self.dof, sure
         work.starts[:], work.near.seed[:], work.near.slack[0] = np.nan, np.nan, self._slack
         work.starts[: len(starts)] = starts
         if self._kind == JOINT_3:
@@ -173,7 +175,7 @@ class CurveArm:
         return work
 
     def _nearest(self, call: Call[NearestWork], seed: Array) -> Array | None:
-        """The point (7,) of pieces that is nearest to a seed (dof,); None without any."""
+        """The point (7,) of pieces that is nearest to a seed (dof,); None where it is not found."""
         call.work.seed[: self.dof] = seed
         return call.work.x.copy() if call() else None
 
@@ -234,36 +236,46 @@ class CurveProblem(NamedTuple):
     axis: Array | None
     """(3,) of a free axis of six joints, in the tool frame."""
 
-    def find(self, starts: Array, *, only_starts: bool = False) -> Curves:
-        """All curves; also those that lead from starts (k, 7) nearby, or those alone."""
-        calls = self.arm._prepare(self, starts, only_starts=only_starts)
+    def find(self, starts: Array, *, only_starts: bool = False, sure: bool = True) -> Curves:
+        """All curves; also those that lead from starts (k, 7) nearby, or those alone.
+
+        Where it need not be sure, those of which no root of F tells are not looked for, and count as missing.
+        """
+        calls = self.arm._prepare(self, starts, only_starts=only_starts, sure=sure)
         wrong, work = calls.solve(), calls.solve.work
         found = read_curves(work, complete=wrong == 0)
         self.arm._put_back(calls)
         return found
 
-    def nearest(self, starts: Array, seed: Array, parameter: float) -> Array | None:
-        """The point (7,) within the limits nearest to a seed (dof,) [rad]; None for none.
+    def nearest(self, starts: Array, seed: Array, parameter: float) -> Array | Curves | None:
+        """The point (7,) within the limits nearest to a seed (dof,) [rad], or all curves where none is within them.
 
         Args:
             starts: (k, 7) points nearby whose curves are followed too.
             seed: (dof,) [rad].
             parameter: [rad] of the seed: about a free axis, where the target is turned least from it.
+
+        Returns:
+            None where neither is known.
         """
         if self.arm.nearly is not None:
             x = self._replace(arm=self.arm.nearly).nearest(starts, seed, parameter)
             if x is not None:
                 return x
-        calls, dof = self.arm._prepare(self, starts), len(seed)
+        calls, dof = self.arm._prepare(self, starts, sure=True), len(seed)
         work = calls.solve.work
         work.near.bounds[:, :dof], work.near.bounds[:, dof:] = self.arm._bounds, self.limits[:, dof:]
         work.near.seed[dof:] = parameter
         work.near.seed[:dof] = seed
-        calls.solve()
-        work.pieces.ends[work.pieces.size[1] :] = 0
-        x = self.arm._nearest(calls.nearest, seed)
+        wrong = calls.solve()
+        found: Array | Curves | None
+        if work.pieces.size[1] > 0:
+            work.pieces.ends[work.pieces.size[1] :] = 0
+            found = self.arm._nearest(calls.nearest, seed)
+        else:  # an arm that nearly has a structure is not looked at all round
+            found = read_curves(work, complete=wrong == 0) if self.arm._slack == 0.0 else None
         self.arm._put_back(calls)
-        return x
+        return found
 
     def nearest_on(self, nodes: Array, seed: Array) -> Array | None:
         """The point (7,) within the limits on a run of nodes (m, 14), nearest to a seed (dof,) [rad]; None for none."""

@@ -107,19 +107,6 @@ def _cost_or_inf(cost: Cost, rows: Array) -> Array:
     return values
 
 
-def least(cost: Callable[[Array], Array], coordinates: Array, rows: Array, exact: Callable[[float], Array]) -> float:
-    """The coordinate of the least cost along a track, which is looked at exactly around the three best rows.
-
-    Args:
-        cost: of rows.
-        coordinates: (m,) in order.
-        rows: (m, dof) configurations there, roughly.
-        exact: the configuration (dof,) at a coordinate.
-    """
-    ends = [refine(cost, coordinates, end, exact) for end in minima(cost(rows))[:3]]
-    return min(ends, key=lambda end: end[0])[1]
-
-
 def minima(values: Array) -> NDArray[np.int64]:
     """Indices of the local minima, best first, ends included."""
     padded = np.concatenate([[np.inf], values, [np.inf]])

@@ -82,9 +82,12 @@ class CurveTrack:
 
     def point(self, coordinate: float) -> tuple[float, Array]:
         """Parameter and configuration (dof,) at a coordinate, exactly."""
+        if self.stop > self.start:
+            p = _number_at(self.nodes, coordinate, self._problem.arm.parameter) + self._turns
+            p = min(max(p, self.start), self.stop)
+            return p, self.at(p)
         (x,) = _points_at(self.nodes, np.array([coordinate]))
-        p = min(max(x.item(self._problem.arm.parameter) + self._turns, self.start), self.stop)
-        return p, self.at(p) if self.stop > self.start else self._joints(x)
+        return self.start, self._joints(x)
 
     def configuration(self, coordinate: float) -> Array:
         """The configuration (dof,) at a coordinate, exactly."""
@@ -140,6 +143,18 @@ def _points_at(nodes: Array, places: Array) -> Array:
         + u * u * (3.0 - 2.0 * u) * b[:, :DIMENSIONS]
         - u * u * v * length * b[:, DIMENSIONS:]
     )
+
+
+def _number_at(nodes: Array, place: float, index: int) -> float:
+    """One number of `_points_at` at one place, in a tenth of the time."""
+    node = int(place)
+    a, b, u = nodes[node].tolist(), nodes[min(node + 1, len(nodes) - 1)].tolist(), place - node
+    v, length, tangent = 1.0 - u, math.dist(a[:DIMENSIONS], b[:DIMENSIONS]), DIMENSIONS + index
+    at_a, at_b = (
+        (1.0 + 2.0 * u) * a[index] + u * length * a[tangent],
+        (3.0 - 2.0 * u) * b[index] - v * length * b[tangent],
+    )
+    return float(v * v * at_a + u * u * at_b)
 
 
 #: [m] and [rad]; the closure of members where curves meet on limits, and `CLOSURE` is not to be had.

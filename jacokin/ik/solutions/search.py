@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -9,6 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik import diagnosis
@@ -19,8 +21,8 @@ from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
 from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
-from jacokin.ik.solutions.least import least, minima
-from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members
+from jacokin.ik.solutions.least import minima, refine
+from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members, polylines
 from jacokin.ik.solutions.solution_set import IntervalEnd
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
@@ -34,6 +36,9 @@ from jacokin.model.robot import Robot
 TRIED = 0.03
 #: Of an interval along which the parameter stands still, how many are; and so many are looked at together.
 TRIED_STANDING, AT_ONCE = 16, 64
+#: Along a track, minima among the guesses at most at which it is looked at exactly; and [rad] by how much less an angle
+#: may be beyond its limit between two guesses: half the way, but for what the guesses are inexact and the way is bent.
+LOOKED_AT, LESS_BETWEEN = 3, 0.6 * GUESS_SPACING
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -102,9 +107,10 @@ class SetSearch:
         beyond = self._closest.reach.exceeded(request.target)
         if beyond is not None:
             return self.closest_to(request, members, None, beyond)
-        if request.cost is None:  # the kernels find the nearest member at once
+        known: Curves | None = None
+        if request.cost is None:  # the kernels find the nearest member at once, or the whole set
             starts = self._starts(members)
-            member = self._nearest(members, starts)
+            member, known = self._nearest(members, starts)
             first = self._beside_seed(members, starts, member)
             if member is not None:
                 first.append(members.candidate(*member))
@@ -112,7 +118,8 @@ class SetSearch:
                 result = verifier.select(iter(first), request, "")
                 if result is not None and not (result.touching and verifier.avoids_contact):
                     return result
-        found = self.find(request.target, request.seed)
+        problem = self._arm.problem(request.target)
+        found = self._findings(problem, problem.find(self._starts(members)) if known is None else known, members)
         candidates = found.candidates(request.cost, several=verifier.avoids_contact)
         in_contact = "every member that was tried is in contact; the best one"
         result = verifier.select(candidates, request, in_contact)
@@ -217,12 +224,13 @@ class SetSearch:
             tuple(intervals), members, parameter=self.parameter, branches=found.branches, complete=complete
         )
 
+        @functools.cache
         def tracks() -> Sequence[CurveTrack]:
             return [
                 CurveTrack(problem, nodes, least) for whole in found.whole for nodes in _between_folds(whole, index)
             ]
 
-        return CurveFindings(curves, members, lambda: _find_least_excess(tracks(), robot), tracks)
+        return CurveFindings(curves, members, functools.cache(lambda: _find_least_excess(tracks(), robot)), tracks)
 
     def _reaches(self, x: Array, members: Members) -> bool:
         """Whether a single point (14,), where joints pass their limits at once, is within them but for rounding."""
@@ -236,16 +244,18 @@ class SetSearch:
     def nearest(self, target: TargetPose, seed: Array) -> tuple[Array, float] | None:
         """The member (dof,) nearest to a seed and its parameter [rad]; None where only `find` can tell."""
         members = self.members(target, seed)
-        return self._nearest(members, self._starts(members))
+        return self._nearest(members, self._starts(members))[0]
 
-    def _nearest(self, members: Members, starts: Array) -> tuple[Array, float] | None:
-        """The member (dof,) nearest to the seed and its parameter [rad], on curves beside points (k, 7) too."""
-        robot = members.robot
-        seed = members.seed
-        x = self._arm.problem(members.target).nearest(starts, seed, members.parameter(seed))
-        if x is None:
-            return None
-        return x[: robot.dof].clip(robot.lower, robot.upper), x.item(self._arm.parameter)
+    def _nearest(self, members: Members, starts: Array) -> tuple[tuple[Array, float] | None, Curves | None]:
+        """The member (dof,) nearest to the seed and its parameter [rad], on curves beside points (k, 7) too.
+
+        And where there is none, the curves of the whole set.
+        """
+        robot, seed = members.robot, members.seed
+        found = self._arm.problem(members.target).nearest(starts, seed, members.parameter(seed))
+        if found is None or isinstance(found, Curves):
+            return None, found
+        return (found[: robot.dof].clip(robot.lower, robot.upper), found.item(self._arm.parameter)), None
 
     def _almost_reaching(self, request: Request, found: CurveFindings) -> Array:
         """Rows (k, dof), with the parameter of a free axis after them, where branches come nearest to the limits [rad].
@@ -257,23 +267,24 @@ class SetSearch:
         tracks = list(found.tracks())
         for T in self._near_misses.moved(target.matrix):
             tracks += self._tracks(target, T)
-        starts = [np.empty((0, robot.dof + (target.free_axis is not None)))]
-        for track in tracks:
-            parameters, rows = track.polyline()
-            outside = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, robot.lower, robot.upper))).max(axis=1)
-            chosen = minima(outside)
-            within = np.sort(chosen[outside[chosen] == 0.0])
-            within = within[np.linspace(0, len(within) - 1, min(len(within), SPREAD)).astype(np.intp)]
-            beyond = chosen[(outside[chosen] > 0.0) & (outside[chosen] <= self._near_misses.near)]
-            chosen = np.concatenate([within, beyond[:SPREAD]])
-            some = rows[chosen]
-            starts.append(some if target.free_axis is None else np.column_stack([some, parameters[chosen]]))
-        return np.vstack(starts)
+        if not tracks:
+            return np.empty((0, robot.dof + (target.free_axis is not None)))
+        parameters, rows, begins = polylines(tracks)
+        outside = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, robot.lower, robot.upper))).max(axis=1)
+        chosen = list[NDArray[np.intp]]()
+        for first, last in itertools.pairwise(begins.tolist()):
+            least = first + minima(outside[first:last])
+            within = np.sort(least[outside[least] == 0.0])
+            chosen.append(within[np.linspace(0, len(within) - 1, min(len(within), SPREAD)).astype(np.intp)])
+            beyond = least[(outside[least] > 0.0) & (outside[least] <= self._near_misses.near)]
+            chosen.append(beyond[:SPREAD])
+        some = np.concatenate(chosen)
+        return rows[some] if target.free_axis is None else np.column_stack([rows[some], parameters[some]])
 
     def _tracks(self, target: TargetPose, T: Array) -> Sequence[CurveTrack]:
         """The branches of a target that is moved to a pose (4, 4)."""
         problem = self._arm.problem(target)._replace(T=T)
-        found = problem.find(np.empty((0, DIMENSIONS)))
+        found = problem.find(np.empty((0, DIMENSIONS)), sure=False)
         return self._findings(problem, found, self.members(target, self._verifier.robot.home)).tracks()
 
     def closest_to(self, request: Request, members: Members, least: LimitExcess | None, outcome: Outcome) -> IKResult:
@@ -304,23 +315,34 @@ def _find_least_excess(tracks: Sequence[CurveTrack], robot: Robot) -> LimitExces
     """Where tracks come nearest to the limits; None without any."""
     bounded = robot.upper - robot.lower < TURN
     lower, upper = np.where(bounded, robot.lower, -np.inf), np.where(bounded, robot.upper, np.inf)
+    low, high = lower[bounded], upper[bounded]
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
 
-    def excess(rows: Array) -> Array:
-        beyond: Array = np.abs(angles.wrap_to_pi(rows - angles.into_limits(rows, lower, upper)))
+    def worst(rows: Array) -> Array:
+        beyond: Array = (np.abs(angles.wrap_to_pi(rows[:, bounded] - middle)) - half).max(axis=1, initial=0.0)
         return beyond
 
-    best: tuple[float, float, Array] | None = None
+    def value(look: tuple[float, CurveTrack, Array, int]) -> float:
+        return look[0]
+
+    looks = list[tuple[float, CurveTrack, Array, int]]()
     for track in tracks:
         coordinates, rows = track.guesses()
-        coordinate = least(lambda rows: excess(rows).max(axis=1), coordinates, rows, track.configuration)
-        p, q = track.point(coordinate)
-        worst = float(excess(q).max())
-        if best is None or worst < best[0]:
-            best = (worst, p, q)
+        values = worst(rows)
+        looks += [(float(values[n]), track, coordinates, n) for n in minima(values)[:LOOKED_AT].tolist()]
+    best: tuple[float, CurveTrack, float] | None = None
+    for guessed, track, coordinates, n in sorted(looks, key=value):
+        if best is not None and max(guessed - LESS_BETWEEN, 0.0) >= best[0]:
+            break
+        least, coordinate = refine(worst, coordinates, n, track.configuration)
+        if best is None or least < best[0]:
+            best = least, track, coordinate
     if best is None:
         return None
-    _, parameter, q = best
-    return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess(q), parameter)
+    _, track, coordinate = best
+    parameter, q = track.point(coordinate)
+    excess: Array = np.abs(angles.wrap_to_pi(q - angles.into_limits(q, lower, upper)))
+    return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess, parameter)
 
 
 def _end(code: int, robot: Robot) -> IntervalEnd:

@@ -150,6 +150,7 @@ static int find_pieces(const problem *of, const double *start, int *complete) {
     set[SET_walk_parameter].integers[0] = parameter_of(solver);
     set[SET_options].integers[0] = solver->kind;
     set[SET_options].integers[1] = solver->dof;
+    set[SET_options].integers[2] = 1; /* whether curves may be missing is asked */
     set[SET_near_slack].numbers[0] = 0.0; /* no structure that the arm nearly has */
     for (int j = 0; j < 7; j++) { /* solutions as near to a seed as the nearest one are enough */
         int joint = j < solver->dof;

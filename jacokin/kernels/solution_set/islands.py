@@ -45,6 +45,16 @@ from jacokin.kernels.six_joints.elbow_offset import offset_arm_of, theta_5_apart
 from jacokin.kernels.six_joints.loop import LABELLINGS, Form, fill_links, joint_of
 from jacokin.kernels.six_joints.planar_arm import planar_arm_of, theta_5_apart
 from jacokin.kernels.six_joints.spherical_wrist import reach_of
+from jacokin.kernels.solution_set.all_roots import (
+    Root,
+    distance_to_next,
+    find_all_roots,
+    length_of,
+    make_lanes,
+    root_of,
+    spread_roots,
+    tell_roots,
+)
 from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.pairs import PairWork, make_pair_work, other_angles_apart
 from jacokin.kernels.solution_set.slices import BEFORE, SixJoints, arm_of_equation, count_solutions, turn_target
@@ -108,14 +118,9 @@ REAL, ALONE = 1e-6, 8.0
 #: Values that are halved at most, and halves that wait their turn: halvings of the distance of even values to `BESIDE`
 #: leave 15.
 MOST_HALVED, DEPTH = 400, 32
-#: Steps to all roots at once; a root is found when its step is this part of the distance to the nearest other one: each
-#: step squares what is missing at least, and a step of Newton's method follows.
-ABERTH_STEPS, LAST_STEP = 40, 1e-2
-#: Share of all coefficients of F that is rounding of its value: nothing is nearer to a root. Stands for the square of
-#: such a root's last step.
-ROUNDING, SETTLED = 1e-15, 1e-300
-#: [rad] roots are foretold from no farther away, and those that this moves by less than a part of their size.
-FORESEEN, FORETOLD = 1.5 * TURN / LOOKED_AT, 1.0
+#: [rad] roots are foretold from no farther away, and those that this moves by less than a part of their size; how they
+#: turn on the way counts where it adds less than a part of that.
+FORESEEN, FORETOLD, BENT = 1.5 * TURN / LOOKED_AT, 1.0, 1.0
 
 
 class Look(NamedTuple):
@@ -128,17 +133,6 @@ class Look(NamedTuple):
     least: int  # how many roots are real for sure,
     most: int  # and how many may be
     at_fold: int  # 1 right beside a fold, of whose own pair little is known
-
-
-class Root(NamedTuple):
-    """A root z = exp(i x) of F at one value of the parameter."""
-
-    x: complex  # z itself
-    slope: complex  # the derivative of z^n F there; 0 where nothing can be told
-    bend: complex  # and its second one
-    mixed: complex  # the derivative of the first by the parameter
-    turns: complex  # how z moves with the parameter
-    d: float  # of x from the real axis, of one of each pair positive
 
 
 class Islands(NamedTuple):
@@ -160,10 +154,10 @@ class Islands(NamedTuple):
     pair: PairWork
     z: Array  # (16, 2) exp(i x) of all roots, real and imaginary part
     other: Array  # (16, 2) the same in another labelling of the joints
-    found: Array  # (LOOKED_AT + 1, 16, 4) roots at each even value, and at the last one: z, and how it moves with p
+    found: Array  # (LOOKED_AT + 1, 16, 6) roots at each even value, and at the last one: z, its derivatives by p
     found_at: Array  # (LOOKED_AT + 1, 2) that value, NaN for none, and the degree
     whole: Array  # (16, 4) solutions in two angles, see `whole_solutions`
-    settled: Array  # (16,) the square of its last step for each that is found, else 0
+    lanes: Array  # see `all_roots`
 
 
 def make_islands() -> Islands:
@@ -184,82 +178,11 @@ def make_islands() -> Islands:
         make_pair_work(),
         np.zeros((2 * DEGREE, 2)),
         np.zeros((2 * DEGREE, 2)),
-        np.zeros((LOOKED_AT + 1, 2 * DEGREE, 4)),
+        np.zeros((LOOKED_AT + 1, 2 * DEGREE, 6)),
         np.zeros((LOOKED_AT + 1, 2)),
         np.zeros((2 * DEGREE, 4)),
-        np.zeros(2 * DEGREE),
+        make_lanes(),
     )
-
-
-def polynomial(powers: Array, degree: int, x: complex) -> tuple[complex, complex, complex]:
-    """Value, slope and bend at x of z^(degree / 2) F, which has terms up to half that degree."""
-    first = DEGREE - degree // 2
-    value, slope, bend = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j, 0.0j
-    for m in range(first + degree - 1, first - 1, -1):
-        bend = bend * x + slope
-        slope = slope * x + value
-        value = value * x + complex(powers[m, 0], powers[m, 1])
-    return value, slope, 2.0 * bend
-
-
-def value_and_slope_at(powers: Array, degree: int, x: complex) -> tuple[complex, complex]:
-    """Value and slope of that, of an even degree: even and odd powers are summed side by side, in half the time."""
-    first, w = DEGREE - degree // 2, x * x
-    even, odd = complex(powers[first + degree, 0], powers[first + degree, 1]), 0.0j
-    even_rate, odd_rate = 0.0j, 0.0j
-    for m in range(first + degree - 2, first - 1, -2):
-        odd_rate = odd_rate * w + odd
-        odd = odd * w + complex(powers[m + 1, 0], powers[m + 1, 1])
-        even_rate = even_rate * w + even
-        even = even * w + complex(powers[m, 0], powers[m, 1])
-    return even + x * odd, odd + 2.0 * x * (even_rate + x * odd_rate)
-
-
-def find_all_roots(powers: Array, degree: int, z: Array, settled: Array) -> None:
-    """Bring z to all roots of z^(degree / 2) F at once, from wherever it is (Aberth, 1973).
-
-    A root that has settled moves on when another one comes near: of two that all but meet, the first one is no nearer
-    to them than half of its last step before.
-    """
-    rounding = 0.0
-    for m in range(2 * DEGREE + 1):
-        rounding += abs(powers[m, 0]) + abs(powers[m, 1])
-    rounding *= ROUNDING
-    for i in range(degree):
-        settled[i] = 0.0
-    for _ in range(ABERTH_STEPS):
-        moving = 0
-        for i in range(degree):
-            if settled[i] > 0.0:
-                continue
-            value, slope = value_and_slope_at(powers, degree, complex(z[i, 0], z[i, 1]))
-            others, others_i, nearest = 0.0, 0.0, math.inf
-            for j in range(degree):
-                a, b = z[i, 0] - z[j, 0], z[i, 1] - z[j, 1]
-                square = a * a + b * b
-                if square != 0.0:
-                    inverse = 1.0 / square
-                    others += a * inverse
-                    others_i -= b * inverse
-                    nearest = min(nearest, square)
-                    if settled[j] > LAST_STEP * LAST_STEP * square:
-                        settled[j] = 0.0
-                        moving += 1
-            slope -= value * complex(others, others_i)
-            if slope == 0.0:
-                continue
-            step = value / slope
-            z[i, 0] -= step.real
-            z[i, 1] -= step.imag
-            square = step.real * step.real + step.imag * step.imag
-            if abs(value.real) + abs(value.imag) <= rounding:
-                settled[i] = SETTLED
-            elif square <= LAST_STEP * LAST_STEP * nearest:
-                settled[i] = square
-            else:
-                moving += 1
-        if moving == 0:
-            break
 
 
 def foretell(work: Islands, p: float, degree: int) -> None:
@@ -275,10 +198,15 @@ def foretell(work: Islands, p: float, degree: int) -> None:
     for i in range(degree):
         root = work.found[best, i]
         z[i, 0], z[i, 1] = root[0], root[1]
-        x, y = root[2] * away, root[3] * away
-        if x * x + y * y < FORETOLD * (root[0] * root[0] + root[1] * root[1]):
+        x, y, half = root[2] * away, root[3] * away, 0.5 * away * away
+        square = x * x + y * y
+        if square < FORETOLD * (root[0] * root[0] + root[1] * root[1]):
             z[i, 0] += x
             z[i, 1] += y
+            x, y = half * root[4], half * root[5]
+            if x * x + y * y < BENT * BENT * square:
+                z[i, 0] += x
+                z[i, 1] += y
 
 
 def keep_found(i: int, work: Islands) -> None:
@@ -286,7 +214,7 @@ def keep_found(i: int, work: Islands) -> None:
     for n in range(2):
         work.found_at[i, n] = work.found_at[LOOKED_AT, n]
     for n in range(2 * DEGREE):
-        for m in range(4):
+        for m in range(6):
             work.found[i, n, m] = work.found[LOOKED_AT, n, m]
 
 
@@ -296,14 +224,6 @@ def degree_of(work: Islands, noise: float) -> int:
     while n > 0 and abs(work.F.cosine[n]) + abs(work.F.sine[n]) <= noise:
         n -= 1
     return 2 * n
-
-
-def spread_roots(z: Array) -> None:
-    """Places to start from."""
-    for i in range(len(z)):
-        angle = 0.4 + TURN * i / len(z)
-        size = 0.6 if i % 2 == 0 else 1.7
-        z[i, 0], z[i, 1] = size * math.cos(angle), size * math.sin(angle)
 
 
 def nothing_sure(least: int) -> Look:
@@ -353,9 +273,9 @@ def look_closely(k: ArmConstants, six: SixJoints, work: Islands, p: float, reach
         return seen
     ahead, behind, sure_ahead, sure_behind, real = math.inf, math.inf, math.inf, math.inf, 0
     for i in range(degree):
-        root = root_at(F.powers, degree, work.z, i)
+        root = root_of(work.lanes, i)
         if root.d >= NEAR:
-            value, rate, unsure, bend = approach(F.powers, degree, root, noise, F.waves[0] ** 2 * noise, False)
+            value, rate, unsure, bend = approach(root, noise, F.waves[0] ** 2 * noise, False)
             ahead, behind = (
                 min(ahead, first_zero(value, unsure - rate, bend)),
                 min(behind, first_zero(value, unsure + rate, bend)),
@@ -402,12 +322,6 @@ def until_on_axis(before: float, here: float, after: float) -> tuple[float, floa
     )
 
 
-def size_on_axis(powers: Array, degree: int, root: Root) -> float:
-    """How large F is where the real axis is nearest to a root: noise of that size may bring one there."""
-    value, _ = value_and_slope_at(powers, degree, root.x / abs(root.x))
-    return abs(value)
-
-
 def together(a: Look, b: Look) -> Look:
     """What two labellings tell: pairs come as in the one in which fewer roots may be real."""
     fewer = a if a.most <= b.most else b
@@ -435,23 +349,30 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     if labelling < 0:
         foretell(work, p, degree)
         work.found_at[LOOKED_AT, 0] = math.nan
-    find_all_roots(work.F.powers[0], degree, z, work.settled)
+    find_all_roots(work.F.powers[0], degree, z, work.lanes)
+    tell_roots(work.F.powers, degree, z, work.lanes)
     ahead, behind, sure_ahead, sure_behind, least, most = math.inf, math.inf, math.inf, math.inf, 0, 0
     for i in range(degree):
-        root = root_at(work.F.powers, degree, z, i)
+        root = root_of(work.lanes, i)
         if root.slope == 0.0:
             return nothing_sure(0)
-        z[i, 0], z[i, 1] = root.x.real, root.x.imag
         if labelling < 0:
             found = work.found[LOOKED_AT, i]
-            found[0], found[1], found[2], found[3] = root.x.real, root.x.imag, root.turns.real, root.turns.imag
-        error, next_root = degree * noise / abs(root.slope), distance_to_next(z, i, degree)
+            found[0], found[1] = root.x.real, root.x.imag
+            found[2], found[3], found[4], found[5] = (
+                root.turns.real,
+                root.turns.imag,
+                root.bends.real,
+                root.bends.imag,
+            )
         if abs(root.d) <= REAL:
+            error, next_root = degree * noise / length_of(root.slope), distance_to_next(work.lanes, i, degree)
             most, least = most + 1, least + int(next_root > ALONE * error + 2.0 * REAL)
-        elif 4.0 * size_on_axis(work.F.powers[0], degree, root) <= degree * noise:
+        elif 4.0 * root.on_axis <= degree * noise:
             most += 1
         elif root.d > 0.0:
-            value, rate, unsure, bend = approach(work.F.powers, degree, root, noise, noise_of_bend, next_root < root.d)
+            is_near_others = distance_to_next(work.lanes, i, degree) < root.d
+            value, rate, unsure, bend = approach(root, noise, noise_of_bend, is_near_others)
             comes = (
                 first_zero(value, unsure - rate, bend),
                 first_zero(value, unsure + rate, bend),
@@ -467,30 +388,15 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     return Look(ahead, behind, sure_ahead, sure_behind, least, most, 0)
 
 
-def root_at(powers: Array, degree: int, z: Array, i: int) -> Root:
-    """What F tells of root i, after a step of Newton's method from there."""
-    x = complex(z[i, 0], z[i, 1])
-    value, slope, bend = polynomial(powers[0], degree, x)
-    moves, mixed = value_and_slope_at(powers[1], degree, x)
-    if x == 0.0 or slope == 0.0:
-        return Root(x, 0.0j, bend, mixed, 0.0j, -math.inf)
-    x -= value / slope
-    return Root(x, slope, bend, mixed, -moves / slope, -0.5 * math.log(x.real * x.real + x.imag * x.imag))
-
-
-def approach(
-    powers: Array, degree: int, root: Root, noise: float, noise_of_bend: float, is_near_others: bool
-) -> tuple[float, float, float, float]:
+def approach(root: Root, noise: float, noise_of_bend: float, is_near_others: bool) -> tuple[float, float, float, float]:
     """Minus the square of a pair's distance from the real axis: value, slope, how unsure that is, and bend."""
-    x, turns, d = root.x, root.turns, root.d
-    curves, _ = value_and_slope_at(powers[2], degree, x)
-    bends = -(curves + (2.0 * root.mixed + root.bend * turns) * turns) / root.slope
-    rate, change = -(turns / x).real, -(bends / x - (turns / x) * (turns / x)).real
+    x, turns, d, slope = root.x, root.turns, root.d, length_of(root.slope)
+    rate, change = -(turns / x).real, -(root.bends / x - (turns / x) * (turns / x)).real
     unsure = 0.0  # of the rate, where the pair is alone
     if not is_near_others:
-        unsure = abs(turns / x) * abs(root.bend / root.slope) * noise / abs(root.slope)
+        unsure = length_of(turns / x) * length_of(root.bend) * noise / (slope * slope)
     bend_of_square = -2.0 * (rate * rate + d * change)
-    if abs(bend_of_square) <= 2.0 * d * noise_of_bend / abs(root.slope):
+    if abs(bend_of_square) <= 2.0 * d * noise_of_bend / slope:
         bend_of_square = 0.0  # noise
     return -d * d, 2.0 * d * rate, 2.0 * d * unsure, bend_of_square
 
@@ -568,15 +474,6 @@ def zero_of_parabola(value: float, slope: float, bend: float) -> float:
     if under >= 0.0 and slope + math.sqrt(under) > 0.0:
         return -2.0 * value / (slope + math.sqrt(under))
     return math.inf
-
-
-def distance_to_next(z: Array, i: int, degree: int) -> float:
-    """From root i to the next one."""
-    nearest = math.inf
-    for j in range(degree):
-        a, b = z[j, 0] - z[i, 0], z[j, 1] - z[i, 1]
-        nearest = min(nearest, a * a + b * b if j != i else math.inf)
-    return math.sqrt(nearest)
 
 
 def find_islands(six: SixJoints, window: Array, work: Islands) -> None:
@@ -661,26 +558,22 @@ def zero_near(k: ArmConstants, six: SixJoints, F: Surface, p: float) -> tuple[fl
     zero, found = p, False
     for n in range(ROUNDS_TO_ZERO):
         away = FIRST_AWAY * NEXT_AWAY**n
-        near, power = zero_between(k, six, F, zero, away)
-        far, _ = zero_between(k, six, F, zero, 2.0 * away)
-        if math.isnan(near) or math.isnan(far):
+        low, high = size_at(k, six, F, zero - away), size_at(k, six, F, zero + away)
+        lowest, highest = size_at(k, six, F, zero - 2.0 * away), size_at(k, six, F, zero + 2.0 * away)
+        if not min(low, high, lowest, highest) > 0.0:
             return zero, found
-        if power == 0.0:
+        power = math.floor(math.log(highest / high) / math.log(2.0) + 0.5) if highest > high else 0
+        if power == 0:
             return p, False
+        near, far = zero_between(low, high, power, away), zero_between(lowest, highest, power, 2.0 * away)
         zero, found = zero + (4.0 * near - far) / 3.0, True
     return zero, found
 
 
-def zero_between(k: ArmConstants, six: SixJoints, F: Surface, middle: float, away: float) -> tuple[float, float]:
-    """From the middle of two values of the parameter to a zero there, and by which power F grows; NaN in noise."""
-    low = size_at(k, six, F, middle - away)
-    high = size_at(k, six, F, middle + away)
-    farther = size_at(k, six, F, middle + 2.0 * away)
-    if not min(low, high) > 0.0:
-        return math.nan, 0.0
-    power = math.floor(math.log(farther / high) / math.log(2.0) + 0.5) if farther > high else 0.0
-    ratio = (high / low) ** (1.0 / max(power, 1.0))
-    return away * (1.0 - ratio) / (1.0 + ratio), power
+def zero_between(low: float, high: float, power: int, away: float) -> float:
+    """How far a zero is from the middle of two places, so far from it, at which sizes are known."""
+    ratio = math.pow(high / low, 1.0 / power)
+    return away * (1.0 - ratio) / (1.0 + ratio)
 
 
 def known(work: Islands, i: int) -> Look:

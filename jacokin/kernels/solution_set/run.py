@@ -79,14 +79,14 @@ NARROW = 1e-3
 BROUGHT, APART = 64, 0.05
 #: Rounds of curves that were met on the way along others.
 MEETINGS = 2
-#: Where the options are: kind of `slices`, joints.
-SetOption = IntEnum("SetOption", "KIND JOINTS", start=0)
+#: Where the options are: kind of `slices`, joints, and 1 to look for curves, too, of which no root of F tells, else 0.
+SetOption = IntEnum("SetOption", "KIND JOINTS SURE", start=0)
 
 
 class SetWork(NamedTuple):
     """What a call reads and writes."""
 
-    options: NDArray[np.int64]  # (2,)
+    options: NDArray[np.int64]  # (3,)
     starts: Array  # (n, 7) points near curves that are followed too, NaN for none [rad]
     six: SixJoints
     seven: SevenJoints
@@ -103,7 +103,7 @@ class SetWork(NamedTuple):
 def make_set_work() -> SetWork:
     """Fresh arrays."""
     return SetWork(
-        np.zeros(2, np.int64),
+        np.zeros(3, np.int64),
         np.empty((0, 7)),
         make_six_joints(),
         make_seven_joints(),
@@ -136,7 +136,7 @@ def find_curves(work: SetWork, whole: bool) -> int:
     """Fill loops and pieces with the whole set, or with curves on which the solution nearest to the seed may be.
 
     Returns:
-        How many things went wrong, so that parts may be missing; 0 for none.
+        How many things went wrong, or were not looked at, so that parts may be missing; 0 for none.
     """
     kind, slices, loops = int(work.options[SetOption.KIND]), work.slices, work.loops
     slices.size[0] = 0
@@ -163,7 +163,8 @@ def find_curves(work: SetWork, whole: bool) -> int:
             doubts += not add_start(slices, work.walk.z)
     trace(slices, loops, work.walk)
     doubts += follow_meetings(work)
-    doubts += doubts_where_F_vanishes(work) if by_roots and loops.window[1] == math.inf else 0
+    if by_roots and loops.window[1] == math.inf:
+        doubts += doubts_where_F_vanishes(work) if work.options[SetOption.SURE] == 1 else 1
     cut(loops, work.pieces, work.walk)
     wrong = doubts + loops.size[3] + work.pieces.size[3]
     for i in range(slices.size[0]):

@@ -11,6 +11,9 @@ from jacokin.kernels.tolerances import SMALLEST_PIVOT
 NEARBY, FARTHEST_START = 0.02, 0.2
 #: Steps from a start to a curve at most: most take five, those to a solution that is all alone up to a hundred.
 STARTING_STEPS = 150
+#: So many steps one after another that by their equations leave this part of what is missing are the last ones: it is
+#: least there, and not zero.
+STUCK_STEPS, STUCK = 3, 0.999
 
 
 def bring_to_curve(start: Array, newton: Newton, walk: Walk) -> bool:
@@ -33,12 +36,20 @@ def descend(newton: Newton, walk: Walk) -> float:
     there, and elsewhere the number of digits doubles (Yamashita and Fukushima, 2001).
     """
     x, system, normal = walk.z, walk.system, newton.normal
-    missing = linearise7(walk.chain, walk.T, x, system)
+    missing, stuck = linearise7(walk.chain, walk.T, x, system), 0
     for _ in range(STARTING_STEPS):
         if missing <= RESIDUAL:
             break
-        fill_steps(system, max(missing * missing, SMALLEST_PIVOT), normal)
+        damping = max(missing * missing, SMALLEST_PIVOT)
+        fill_steps(system, damping, normal)
         if not solve_normal(normal):
+            break
+        left, square = 0.0, 0.0
+        for i in range(6):
+            left += normal[i, 6] * normal[i, 6]
+            square += system[i, 7] * system[i, 7]
+        stuck = stuck + 1 if damping * damping * left > STUCK * STUCK * square else 0
+        if stuck == STUCK_STEPS:
             break
         for j in range(7):
             for i in range(6):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +20,8 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.geometry import measure_seven
+from jacokin.ik.solutions import search
+from jacokin.ik.solutions.least import refine
 from jacokin.model.angles import wrap_to_pi
 from tests.seven_joint_arms import load_arm
 
@@ -193,6 +197,35 @@ def test_statuses(solver: IKSolver) -> None:
     assert tight.status is Status.OUTSIDE_LIMITS
     assert "joint_4 by 0.465" in tight.message
     assert solver.robot.within_limits(tight.q)
+
+
+def test_where_branches_come_nearest_to_the_limits_takes_few_looks(
+    solver: IKSolver, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks, found = 0, 0
+
+    def counting(*arguments: Any) -> tuple[float, float]:
+        nonlocal looks
+        looks += 1
+        return refine(*arguments)
+
+    monkeypatch.setattr(search, "refine", counting)
+    robot = solver.robot
+    scan, bounded = Scan(robot), ~robot.unlimited
+    lower, upper = robot.lower[bounded], robot.upper[bounded]
+    for q in robot.sample(rng, 60):
+        target = robot.forward_kinematics(q)
+        target.rotation = pin.exp3(rng.normal(size=3))
+        target.translation *= 0.5
+        result = solver.solve(target, q, closest=False)
+        if result.status is Status.OUTSIDE_LIMITS:
+            rows = scan.configurations(target.homogeneous, np.linspace(-np.pi, np.pi, 4000))[..., bounded]
+            beyond = np.nanmin((np.abs(wrap_to_pi(rows - 0.5 * (lower + upper))) - 0.5 * (upper - lower)).max(axis=-1))
+            told = max(map(float, re.findall(r"by ([-+.e\d]+) rad", result.message)))
+            assert told - 1e-5 <= beyond <= told + 0.01
+            found += 1
+    assert found >= 2
+    assert looks <= 16 * found  # three of each of eight branches or more, twice, would be 48
 
 
 def test_a_batch_answers_as_single_solves_do(solver: IKSolver, rng: np.random.Generator) -> None:

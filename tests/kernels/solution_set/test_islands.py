@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jacokin.arrays import Array
-from jacokin.kernels.solution_set.islands import find_all_roots, spread_roots
+from jacokin.kernels.solution_set.all_roots import find_all_roots, make_lanes, spread_roots
 from jacokin.kernels.solution_set.surface import make_surface
 
 DEGREE = 16
@@ -26,14 +26,14 @@ def known_roots(rng: np.random.Generator, apart: float) -> Array:
 @pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
 def test_two_roots_that_all_but_meet_are_both_found(rng: np.random.Generator, apart: float) -> None:
     """The first one that comes near has small steps while the other is far away, though it has not arrived."""
-    powers, z, settled = make_surface().powers[0], np.empty((DEGREE, 2)), np.zeros(DEGREE)
+    powers, z, lanes = make_surface().powers[0], np.empty((DEGREE, 2)), make_lanes()
     for _ in range(30):
         roots = known_roots(rng, apart)
         coefficients = np.poly(roots)[::-1]
         powers[:, 0], powers[:, 1] = coefficients.real, coefficients.imag
         spread_roots(z)
         z += rng.normal(scale=0.3, size=z.shape)
-        find_all_roots(powers, DEGREE, z, settled)
+        find_all_roots(powers, DEGREE, z, lanes)
         found = z[:, 0] + 1j * z[:, 1]
         others = min(abs(a - b) for a, b in itertools.combinations(roots[: DEGREE - 1], 2))
         if others < 0.02:  # other roots that meet, too
