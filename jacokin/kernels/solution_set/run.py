@@ -40,7 +40,7 @@ from jacokin.kernels.solution_set.near_seed import (
     offer_settled,
     solve_rows,
 )
-from jacokin.kernels.solution_set.same_axis import add_turns, sense_beside
+from jacokin.kernels.solution_set.same_axis import add_turns, turns_beside
 from jacokin.kernels.solution_set.seven_joints import LAST_STEPS, MOST_ROWS, ROUNDING, find_folds, solve_at_q3
 from jacokin.kernels.solution_set.slices import (
     AFTER,
@@ -144,7 +144,7 @@ def find_curves(work: SetWork, whole: bool) -> int:
         loops.size[n] = 0
     loops.window[0], loops.window[1] = 0.0, math.inf
     doubts, by_roots = 0, False
-    on_one_axis = kind in (AFTER, BEFORE) and sense_beside(work.walk.chain, work.walk.parameter[0]) != 0.0
+    on_one_axis = kind in (AFTER, BEFORE) and turns_beside(work.six, work.walk)
     if kind != NO_SLICES and (whole or on_one_axis or not add_near_seed(work)):
         if work.near.slack[0] > 0.0:
             work.pieces.size[1] = 0

@@ -9,7 +9,9 @@ import math
 
 from jacokin.arrays import Array
 from jacokin.kernels.branches import FAMILY
+from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.limits import TURN
+from jacokin.kernels.six_joints.loop import Form
 from jacokin.kernels.solution_set.curve import Walk
 from jacokin.kernels.solution_set.slices import AFTER, SevenJoints, SixJoints, Slices, add_slice
 from jacokin.kernels.solution_set.trace import CurveEnd, Loops, add_node, enter_run
@@ -19,6 +21,16 @@ from jacokin.kernels.tolerances import LIMIT_SNAP
 SAME_AXIS = 1e-10
 #: On a turn of both.
 CHORDS = 8
+
+
+def turns_beside(six: SixJoints, walk: Walk) -> bool:
+    """Whether it is so, and the six joints are of a form that has all solutions at singular poses as well.
+
+    Curves of others are followed: F along the parameter tells more of solutions that meet.
+    """
+    k = unpack_arm(six.arm).six
+    has_all = k.scale == 0.0 or k.form in (Form.SPHERICAL_WRIST, Form.PARALLEL_AXES)
+    return has_all and sense_beside(walk.chain, walk.parameter[0]) != 0.0
 
 
 def sense_beside(chain: Array, parameter: int) -> float:
