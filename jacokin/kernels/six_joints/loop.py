@@ -37,14 +37,15 @@ def rotation_about(axis: Vec, angle: float) -> Array:
 
 
 def _small_placements() -> Array:
-    """(3, 6, 3, 4) rotations and shifts of about `LINK_MOVE`, as irregular as can be."""
-    placements = np.zeros((NEIGHBOURS, 6, 3, 4))
+    """(6, 6, 3, 4) rotations and shifts of about `LINK_MOVE`, as irregular as can be, each followed by its opposite."""
+    placements = np.zeros((2 * NEIGHBOURS, 6, 3, 4))
     for n in range(NEIGHBOURS):
         for i in range(6):
             x, y, z, *shift = (sin_cos(1.0 + 7.0 * n + 3.3 * i + 1.7 * j * j)[0] for j in range(6))
             size = math.sqrt(x * x + y * y + z * z)
-            placements[n, i, :, :3] = rotation_about((x / size, y / size, z / size), LINK_MOVE * size)
-            placements[n, i, :, 3] = LINK_MOVE * np.array(shift)
+            for k, move in ((2 * n, LINK_MOVE), (2 * n + 1, -LINK_MOVE)):
+                placements[k, i, :, :3] = rotation_about((x / size, y / size, z / size), move * size)
+                placements[k, i, :, 3] = move * np.array(shift)
     return placements
 
 
@@ -126,7 +127,10 @@ def column_of(link: Array, i: int) -> Vec:
 
 
 def move_links(links: Array, n: int) -> None:
-    """Follow each link by a small placement, in place: a structure that the arm has is broken."""
+    """Follow each link by a small placement, in place: a structure that the arm has is broken.
+
+    Those of an odd number are the opposite ones of those before.
+    """
     for i in range(6):
         link, small = links[i], SMALL_PLACEMENTS[n, i]
         for row in range(3):

@@ -68,7 +68,8 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     the arm itself first. Where F has more than single roots that stand apart, by the arm's structure or the target's,
     branches may hide behind each other: there a neighbour is solved as well, an arm with each link moved by so little
     that Newton's method leads from its branches to those of the arm. One that is not in doubt itself and adds no branch
-    to those that are there settles the matter; where none of three does, branches.filled says that some may be missing.
+    to those that are there, as the one that is moved the opposite way, settles the matter; where none of three does,
+    branches.filled says that some may be missing.
     Singular branches that no neighbour has are found from others, see `near_continua`.
     Where no branch is there, it may be that two which meet in one are none of the neighbours'.
     """
@@ -91,17 +92,26 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
         settle_continua(query, branches)
         followed = follow_near_continua(arm, query, work, branches)
         if not settled and followed > 0:
+            settle_continua(query, branches)  # they may be on one on which no branch was before
             settled = settled_by_neighbours(arm, query, work, branches)
         if not settled or followed < 0:
             branches.filled[1] = 1
 
 
 def settled_by_neighbours(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> bool:
-    """Add the branches that neighbours of an arm lead to; whether one is not in doubt and leads to none that is new."""
+    """Add the branches that neighbours of an arm lead to; whether two opposite ones are sure and lead to none that is new.
+
+    Where branches meet in one, they are apart of the one neighbour and not there of the other.
+    """
     for n in range(NEIGHBOURS):
-        before = branches.filled[0]
-        in_doubt = branches_of_labelling(arm.scale, arm.neighbours, n, query, work, branches)
-        if not in_doubt and 0 < branches.filled[0] == before:
+        sure = 0
+        while sure < 2:
+            before = branches.filled[0]
+            in_doubt = branches_of_labelling(arm.scale, arm.neighbours, 2 * n + sure, query, work, branches)
+            if in_doubt or not 0 < branches.filled[0] == before:
+                break
+            sure += 1
+        if sure == 2:
             return True
     return False
 
