@@ -99,7 +99,7 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
 
 
 def settled_by_neighbours(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> bool:
-    """Add the branches that neighbours of an arm lead to; whether two opposite ones are sure and lead to none that is new.
+    """Add the branches that neighbours of an arm lead to; whether two opposite ones are sure and have none that is new.
 
     Where branches meet in one, they are apart of the one neighbour and not there of the other.
     """
