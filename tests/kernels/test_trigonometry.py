@@ -24,7 +24,7 @@ CONSTANTS = {
     "closed_form.resultant": "d6d89f2ff885b28e",
     "closed_form.roots": "1747752049cfae62",
     "six_joints.characteristic": "50efba95b84a67dd",
-    "six_joints.loop": "2966d60555ed30db",
+    "six_joints.loop": "4ea2894b45c7d887",
     "six_joints.near_continua": "c708662eb80af397",
     "six_joints.planar_arm": "51cd317e540dc860",
     "six_joints.roots": "027e6b69bfba968b",

@@ -10,6 +10,7 @@ same_axis      curves along which the parameter and the joint next to it turn ab
 surface        the equation of six joints along the parameter, as one polynomial of both
 pairs          how far complex solutions of six joints are from real ones
 whole_solutions   complex solutions in two angles, where roots are too near to each other
+all_roots      all complex roots of the characteristic function at once
 islands        at which values to look for solutions, by the characteristic function
 meeting        the other curve where two meet
 within         what of the curves is within the limits
