@@ -23,7 +23,7 @@ from jacokin.ik.geometry import measure_seven
 from jacokin.ik.solutions import search
 from jacokin.ik.solutions.least import refine
 from jacokin.model.angles import wrap_to_pi
-from tests.seven_joint_arms import load_arm
+from tests.seven_joint_arms import HALF, Placement, load_arm, load_placed
 
 
 @pytest.fixture(scope="module")
@@ -262,3 +262,41 @@ def test_an_arm_of_another_structure_is_refused_with_its_misfit(bundled: Callabl
     bent.jointPlacements[7] = placement
     with pytest.raises(StructureError, match=r"joint_6 and joint_7.*0.003 m"):
         measure_seven(bent, robot.frame_id("end_effector"))
+
+
+#: Links of a UR5, by the numbers that its maker publishes.
+UR5: list[Placement] = [
+    ((0.0, 0.0, 0.0892), (0.0, 0.0, 0.0)),
+    ((0.0, 0.0, 0.0), (HALF, 0.0, 0.0)),
+    ((-0.425, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    ((-0.3922, 0.0, 0.1091), (0.0, 0.0, 0.0)),
+    ((0.0, -0.0947, 0.0), (HALF, 0.0, 0.0)),
+    ((0.0, 0.0823, 0.0), (-HALF, 0.0, 0.0)),
+]
+ANOTHER: Placement = ((0.0, 0.0, 0.1), (0.0, 0.0, 0.0))
+HAND: Placement = ((0.05, 0.02, 0.1), (0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("placements", [[*UR5, ANOTHER, HAND], [ANOTHER, *UR5, HAND]], ids=["last two", "first two"])
+def test_two_joints_on_one_line_turn_against_each_other(
+    placements: list[Placement], tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """All others stand along each interval, which ends at the limits of the two."""
+    robot = load_placed("seven", placements, [2.8] * 7, tmp_path)
+    solver = IKSolver(robot, collision="ignore")
+    two = [5, 6] if placements[0] is not ANOTHER else [0, 1]
+    others = [joint for joint in range(7) if joint not in two]
+    for q in robot.sample(rng, 10):
+        target = robot.forward_kinematics(q)
+        found = solver.solve_all(target)
+        assert found.complete
+        own = found.nearest(q)
+        assert own is not None
+        np.testing.assert_allclose(own, q, atol=1e-6)
+        for interval in found.intervals:
+            rows = np.array([interval.at(p) for p in np.linspace(interval.start, interval.stop, 4)])
+            np.testing.assert_allclose(rows[:, others] - rows[0, others], 0.0, atol=1e-9)
+            assert np.ptp(rows[:, two].sum(axis=1)) == pytest.approx(0.0, abs=1e-9)
+            assert {end.joint for end in interval.ends} <= {f"joint_{joint + 1}" for joint in two}
+            for row in rows:
+                np.testing.assert_allclose(robot.forward_kinematics(row).homogeneous, target.homogeneous, atol=1e-9)
