@@ -45,7 +45,7 @@ from jacokin.kernels.tolerances import (
 from jacokin.kernels.trigonometry import TO_WHOLE, angle_of
 from jacokin.kernels.vector import norm
 
-#: Columns of a branch: 0:6 q, 6:12 limit margins, then these.
+#: Columns of a branch: 0:6 q, 6:12 limit margins, then these; FAMILY is 0 for one on its own, see `continua`.
 POSITION_ERROR, ORIENTATION_ERROR, DISTANCE, WITHIN_LIMITS, FAMILY, COLUMNS = 12, 13, 14, 15, 16, 17
 #: Candidates that are verified side by side: few poses have more branches.
 ABREAST = 8

@@ -165,6 +165,8 @@ SAME_START = 1e-10
 TIMES_NOISE = 8.0
 #: At least this part of the largest value of F is noise.
 SMALLEST_NOISE = 64.0 * 2.2e-16
+#: Rounding of the matrix whose determinant F is, and how often the noise of F counts where branches may touch.
+NOISE_OF_M, NOISE_OF_TOUCH = 16.0 * 2.2e-16, 4.0
 #: Part of F's size by which the last digits of a target move it: where it comes as near to zero it may touch it.
 POSE_NOISE = 3e-13
 #: Noise of Bernstein coefficients on a stretch, relative to the largest determinant there: 1e-14 of each, as much as

@@ -152,7 +152,7 @@ class Points(BranchTable, SolutionSet):
     @property
     def singular(self) -> NDArray[np.bool_]:
         """(k,) where a point stands for a whole curve: axes 4 and 6 of a spherical wrist aligned, for one."""
-        return np.equal(self.rows[:, FAMILY], 1.0)
+        return np.greater(self.rows[:, FAMILY], 0.0)
 
     @property
     def complete(self) -> bool:

@@ -22,6 +22,7 @@ from jacokin.kernels.branches import (
 from jacokin.kernels.chain import BASE, Frame, columns_of, deviation, forward
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
+from jacokin.kernels.six_joints.continua import add_from_everywhere, keep_nearest_end
 from jacokin.kernels.tolerances import NEAR_SEED, RIGID
 from jacokin.kernels.trigonometry import angle_of
 from jacokin.kernels.vector import cross, dot, norm
@@ -119,6 +120,9 @@ def find_branches(work: TargetWork, k: ArmConstants, query: PoseQuery, frame: Fr
     # Beside a seed that nearly is a branch, another may be nearer than those that are found.
     branches.wanted[0] = 1 if only_nearest and miss > NEAR_SEED else 0
     solve_pose(work.arm, k, query, work.pose)
+    if work.pose.six.vanishes[0] > 0:
+        add_from_everywhere(query, branches)
+    keep_nearest_end(branches)
     if miss <= NEAR_SEED:
         add_beside_seed(query, miss, branches)
 

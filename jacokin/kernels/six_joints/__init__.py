@@ -1,6 +1,7 @@
 """Arms of any structure: every branch of a chain of six turning joints at a pose. Read `pose` first.
 
 pose               from roots to branches, verified; neighbours where the arm's own roots are in doubt
+continua           found from everywhere where F vanishes; one member of each is kept
 near_continua      where branches nearly are a continuum, as of a wrist whose axes miss each other by a hair
 loop               the closed loop of joints and links, and its twelve labellings
 equations          six equations in three angles

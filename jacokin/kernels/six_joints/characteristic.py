@@ -58,15 +58,31 @@ def determinant(e: Equations, c: float, s: float, work: Determinant) -> float:
     return triangulate(core, 6, 6, product)
 
 
-def fourier_of_determinant(e: Equations, work: Determinant, cosine: Array, sine: Array) -> float:
-    """Fill cosine and sine, (9,) each, with the coefficients of F; returns a bound on the noise of its values."""
-    c9, s9, c10, s10, largest = 0.0, 0.0, 0.0, 0.0, 0.0
+def least_pivot(work: Determinant) -> float:
+    """The least pivot of the determinant at hand: about the least singular value of M."""
+    least = math.inf
+    for i in range(6):
+        least = min(least, abs(work.core[i, i]))
+    for i in range(3):
+        least = min(least, abs(work.upper[i, i]), abs(work.lower[i, i]))
+    return least
+
+
+def fourier_of_determinant(e: Equations, work: Determinant, cosine: Array, sine: Array) -> tuple[float, float]:
+    """Fill cosine and sine, (9,) each, with the coefficients of F.
+
+    Returns:
+        A bound on the noise of its values, and how far F moves with the entries of M: its largest minors, about F by
+        its least pivot. Rounding of M moves all values together, and no coefficient shows that.
+    """
+    c9, s9, c10, s10, largest, minor = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for n in range(DEGREE + 1):
         cosine[n] = 0.0
         sine[n] = 0.0
     for j in range(ANGLES):
         F = determinant(e, ANGLE_COS[j], ANGLE_SIN[j], work)
         largest = max(largest, abs(F))
+        minor = max(minor, abs(F / least_pivot(work)) if F != 0.0 else 0.0)
         for n in range(DEGREE + 1):
             cosine[n] += SHARE_COS[j, n] * F
             sine[n] += SHARE_SIN[j, n] * F
@@ -75,4 +91,4 @@ def fourier_of_determinant(e: Equations, work: Determinant, cosine: Array, sine:
         c10 += SHARE_COS[j, DEGREE + 2] * F
         s10 += SHARE_SIN[j, DEGREE + 2] * F
     beyond = math.sqrt(c9 * c9 + s9 * s9 + c10 * c10 + s10 * s10)
-    return max(TIMES_NOISE * beyond, SMALLEST_NOISE * largest)
+    return max(TIMES_NOISE * beyond, SMALLEST_NOISE * largest), minor

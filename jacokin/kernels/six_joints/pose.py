@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import math
+from enum import IntEnum
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from jacokin.arrays import Array
-from jacokin.kernels.branches import FAMILY, BranchWork, PoseQuery, add_branch, add_fold, copy_row, jacobian_determinant
-from jacokin.kernels.chain import errors, least_squares
-from jacokin.kernels.closed_form.folds import most_singular_joint
-from jacokin.kernels.limits import TURN, circular_distance
+from jacokin.kernels.branches import BranchWork, PoseQuery, add_branch, add_fold
+from jacokin.kernels.limits import circular_distance
 from jacokin.kernels.six_joints.candidates import Candidates, make_candidates
+from jacokin.kernels.six_joints.continua import settle_continua
 from jacokin.kernels.six_joints.elbow_offset import branches_of_elbow_offset
 from jacokin.kernels.six_joints.equations import Equations, make_equations, write_equations
 from jacokin.kernels.six_joints.loop import NEIGHBOURS, Form, SixArm, fill_links, joint_of, move_links
@@ -34,7 +36,7 @@ from jacokin.kernels.six_joints.starts import (
     make_null_space,
     start_from,
 )
-from jacokin.kernels.tolerances import CONTINUUM_CLOSURE, SAME_THETA, SINGULAR_DETERMINANT
+from jacokin.kernels.tolerances import SAME_THETA
 
 #: More undecided intervals than this are no places but a continuum, which its neighbours show.
 MAX_INTERVALS = 16
@@ -42,8 +44,8 @@ MAX_INTERVALS = 16
 ROOTS_APART = 4e-6
 #: [rad]; a branch of a neighbour that Newton's method moves farther may have left a branch of the arm behind.
 FARTHEST_MOVE = 0.05
-#: Steps from a member of a continuum to the seed's angle, of least squares in each, the shortest [rad].
-WALK, WALK_STEPS, SHORTEST_WALK = 16, 3, 0.02
+#: Whether branches may be missing: none, some, or those of a curve of solutions along which F vanishes.
+Doubt = IntEnum("Doubt", "NONE SOME VANISHING", start=0)
 
 
 class SixWork(NamedTuple):
@@ -54,11 +56,19 @@ class SixWork(NamedTuple):
     null: NullSpace
     candidates: Candidates
     near_continua: NearContinua
+    vanishes: NDArray[np.int64]  # (1,) 1 where F vanishes for every angle
 
 
 def make_six() -> SixWork:
     """Fresh work arrays."""
-    return SixWork(make_equations(), make_six_roots(), make_null_space(), make_candidates(), make_near_continua())
+    return SixWork(
+        make_equations(),
+        make_six_roots(),
+        make_null_space(),
+        make_candidates(),
+        make_near_continua(),
+        np.zeros(1, np.int64),
+    )
 
 
 def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: BranchWork) -> None:
@@ -70,10 +80,11 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     that Newton's method leads from its branches to those of the arm. One that is not in doubt itself and adds no branch
     to those that are there, as the one that is moved the opposite way, settles the matter; where none of three does,
     branches.filled says that some may be missing.
-    Singular branches that no neighbour has are found from others, see `near_continua`.
+    Singular branches that no neighbour has are found from others, see `near_continua`. Where F vanishes there may be a
+    continuum of which a neighbour has none: those are for who asks to find, see `continua`.
     Where no branch is there, it may be that two which meet in one are none of the neighbours'.
     """
-    branches.fold.filled[0], branches.lanes.filled[0] = 0, 0
+    branches.fold.filled[0], branches.lanes.filled[0], work.vanishes[0] = 0, 0, 0
     if arm.form == Form.SPHERICAL_WRIST:
         if branches_of_spherical_wrist(arm, query, work.candidates, work.roots.fourier, branches):
             return
@@ -87,13 +98,16 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
         arm, query, work.candidates, work.roots.fourier, branches
     ):
         return
-    if branches_of_labelling(arm.scale, arm.own, -1, query, work, branches):
+    doubt = branches_of_labelling(arm.scale, arm.own, -1, query, work, branches)
+    work.vanishes[0] = doubt == Doubt.VANISHING
+    if doubt != Doubt.NONE:
         settled = settled_by_neighbours(arm, query, work, branches)
         settle_continua(query, branches)
         followed = follow_near_continua(arm, query, work, branches)
-        if not settled and followed > 0:
-            settle_continua(query, branches)  # they may be on one on which no branch was before
+        settle_continua(query, branches)
+        if not settled and followed > 0:  # they may be where no branch was before
             settled = settled_by_neighbours(arm, query, work, branches)
+            settle_continua(query, branches)
         if not settled or followed < 0:
             branches.filled[1] = 1
 
@@ -107,8 +121,8 @@ def settled_by_neighbours(arm: SixArm, query: PoseQuery, work: SixWork, branches
         sure = 0
         while sure < 2:
             before = branches.filled[0]
-            in_doubt = branches_of_labelling(arm.scale, arm.neighbours, 2 * n + sure, query, work, branches)
-            if in_doubt or not 0 < branches.filled[0] == before:
+            doubt = branches_of_labelling(arm.scale, arm.neighbours, 2 * n + sure, query, work, branches)
+            if doubt != Doubt.NONE or not 0 < branches.filled[0] == before:
                 break
             sure += 1
         if sure == 2:
@@ -131,7 +145,7 @@ def follow_near_continua(arm: SixArm, query: PoseQuery, work: SixWork, branches:
 
 def branches_of_labelling(
     scale: float, labelling: int, neighbour: int, query: PoseQuery, work: SixWork, branches: BranchWork
-) -> bool:
+) -> int:
     """Add the branches that one labelling finds.
 
     Args:
@@ -143,7 +157,7 @@ def branches_of_labelling(
         branches: appended to.
 
     Returns:
-        Whether anything is in doubt: a root without a branch nearby, or a place that may hold several.
+        The doubt that is left: of a root without a branch nearby, of a place that may hold several, or of all.
     """
     e, null, found = work.equations, work.null, work.roots.found
     fill_links(query.chain, query.T, scale, labelling, e.links)
@@ -152,7 +166,7 @@ def branches_of_labelling(
     write_equations(e)
     count = find_six_roots(e, work.roots)
     if count < 0:
-        return True
+        return Doubt.VANISHING
     joint, intervals, in_doubt = joint_of(labelling, 2), 0, False
     for i in range(count):
         theta, width = found[i, 0], found[i, 1]
@@ -178,7 +192,8 @@ def branches_of_labelling(
         # The arm itself had to be looked at closely: its structure may make roots coincide.
         in_doubt = in_doubt or work.roots.filled[3] > 0 or branches.fold.filled[0] > 0
         in_doubt = in_doubt or branches.filled[0] != count or not stand_apart(found, count)
-    return in_doubt or intervals > 0 or (neighbour < 0 and count % 2 > 0)
+    in_doubt = in_doubt or intervals > 0 or (neighbour < 0 and count % 2 > 0)
+    return Doubt.SOME if in_doubt else Doubt.NONE
 
 
 def stand_apart(found: Array, count: int) -> bool:
@@ -230,49 +245,3 @@ def count_at(branches: BranchWork, joint: int, theta: float, width: float) -> in
     for i in range(branches.filled[0]):
         count += circular_distance(branches.rows[i, joint] - theta) < width
     return count
-
-
-def settle_continua(query: PoseQuery, branches: BranchWork) -> None:
-    """Of each continuum of branches, where joints may turn against each other, keep the member at the seed's angle."""
-    rows = branches.rows
-    i = 0
-    while i < branches.filled[0]:
-        if rows[i, FAMILY] > 0.0 or not move_along(query, branches, i):
-            i += 1
-            continue
-        branches.filled[0] -= 1
-        copy_row(rows[branches.filled[0]], rows[i])
-        add_branch(query, branches, 1.0)
-        i = 0
-
-
-def move_along(query: PoseQuery, branches: BranchWork, i: int) -> bool:
-    """Whether branch i is a member of a continuum; branches.newton.q is then the one at the seed's angle, or nearby.
-
-    The joint that moves most along the singular direction is moved on its own, and the others follow.
-    """
-    newton, row = branches.newton, branches.rows[i]
-    q = newton.q
-    for j in range(6):
-        q[j] = row[j]
-    if abs(jacobian_determinant(query.chain, query.T, newton)) > SINGULAR_DETERMINANT:
-        return False
-    joint = most_singular_joint(query.chain, query.T, newton)
-    if joint < 0:
-        return False
-    for j in range(6):
-        newton.held[j] = 1.0 if j == joint else 0.0
-    away = query.seed[joint] - row[joint]
-    away -= TURN * math.floor(away / TURN + 0.5)
-    step = away / WALK if abs(away) > SHORTEST_WALK else SHORTEST_WALK
-    for n in range(WALK):
-        q[joint] = row[joint] + (n + 1) * step
-        closed = least_squares(query.chain, query.T, newton, WALK_STEPS)
-        position, orientation = errors(query.chain, query.T, q)
-        if not closed or max(position, orientation) > CONTINUUM_CLOSURE:
-            if n == 0:
-                return False
-            for j in range(6):
-                q[j] = row[j]
-            return True
-    return True

@@ -13,7 +13,7 @@ from jacokin.kernels.branches import COLUMNS, MAX_BRANCHES, BranchWork, PoseQuer
 from jacokin.kernels.chain import forward
 from jacokin.kernels.limits import same_configuration
 from jacokin.kernels.six_joints.loop import LABELLINGS
-from jacokin.kernels.six_joints.pose import SixWork, branches_of_labelling, make_six
+from jacokin.kernels.six_joints.pose import Doubt, SixWork, branches_of_labelling, make_six
 from jacokin.kernels.tolerances import SAME_THETA
 
 #: Columns of a score: configurations not found, branches found, poses in doubt, the effort for what was undecided.
@@ -67,13 +67,13 @@ def rank_labellings(work: RankWork) -> int:
                 fill_target(work.chain, work.q[i], work.T)
                 query = PoseQuery(work.chain, work.limits, work.T, work.q[i])
                 branches.filled[0], branches.filled[1], branches.fold.filled[0] = 0, 0, 0
-                in_doubt = branches_of_labelling(work.scale[0], labelling, kind - 1, query, work.six, branches)
+                doubt = branches_of_labelling(work.scale[0], labelling, kind - 1, query, work.six, branches)
                 found = False
                 for n in range(branches.filled[0]):
                     found = found or same_configuration(branches.rows[n], work.q[i], SAME_THETA)
                 scores[kind, labelling, Score.MISSED] += not found
                 scores[kind, labelling, Score.BRANCHES_FOUND] += branches.filled[0]
-                scores[kind, labelling, Score.IN_DOUBT] += in_doubt
+                scores[kind, labelling, Score.IN_DOUBT] += doubt != Doubt.NONE
                 scores[kind, labelling, Score.EFFORT] += work.six.roots.filled[1] + FRUITLESS * work.six.roots.filled[2]
     return int(work.q.shape[0])
 

@@ -25,7 +25,15 @@ from jacokin.kernels.six_joints.characteristic import (
     make_determinant,
 )
 from jacokin.kernels.six_joints.equations import Equations, area_of_columns
-from jacokin.kernels.tolerances import CLOSE_NOISE, MIN_WIDTH, NARROW_NOISE, POSE_NOISE, UNCERTAIN
+from jacokin.kernels.tolerances import (
+    CLOSE_NOISE,
+    MIN_WIDTH,
+    NARROW_NOISE,
+    NOISE_OF_M,
+    NOISE_OF_TOUCH,
+    POSE_NOISE,
+    UNCERTAIN,
+)
 from jacokin.kernels.trigonometry import sines_cosines
 
 MAX_STRETCHES = 128
@@ -100,7 +108,8 @@ def find_six_roots(e: Equations, work: SixRoots) -> int:
     most, area = area_of_columns(e)
     if not area > ON_ONE_LINE * most:
         return -1
-    noise = fourier_of_determinant(e, work.determinant, cosine, sine)
+    noise, minor = fourier_of_determinant(e, work.determinant, cosine, sine)
+    noise = max(NOISE_OF_TOUCH * noise, NOISE_OF_M * minor)
     total = 0.0
     for n in range(cosine.shape[0]):
         total += abs(cosine[n]) + abs(sine[n])

@@ -208,7 +208,7 @@ def fill_at(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: in
 def fill_determinant(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int) -> float:
     """Fill cosine and sine with the coefficients of F(x; p) of an arm in a labelling; returns their noise."""
     fill_equations(k, six, F, p, labelling)
-    return fourier_of_determinant(F.equations, F.determinant, F.cosine, F.sine)
+    return fourier_of_determinant(F.equations, F.determinant, F.cosine, F.sine)[0]
 
 
 def fill_equations(k: ArmConstants, six: SixJoints, F: Surface, p: float, labelling: int) -> None:

@@ -70,6 +70,27 @@ def test_a_regular_configuration_is_its_own_answer_and_in_its_set(
         assert holds(found, q)  # which is not told where to look
 
 
+@pytest.mark.parametrize("number", [113, 143, 207])
+def test_a_round_configuration_of_any_six_joints_is_there_or_others_are_in_doubt(number: int, folder: Path) -> None:
+    """Also where all digits of the equation that branches are roots of are lost, as rows of it are nearly alike."""
+    path, rng = folder / f"round_{number}.urdf", np.random.default_rng(number)
+    path.write_text(six_joints.random_arm(np.random.default_rng([77, number])))
+    solver = IKSolver(jacokin.load_robot(path), collision="ignore")
+    robot, sure = solver.robot, 0
+    for i in range(60):
+        q = np.clip(round_configuration(rng, i), robot.lower, robot.upper)
+        found = solver.solve_all(robot.forward_kinematics(q))
+        sure += found.complete
+        assert not found.complete or min((apart(row, q) for row in found.q), default=math.inf) < 1e-4, q
+    assert sure > 30
+
+
+def round_configuration(rng: np.random.Generator, number: int) -> Array:
+    """A configuration of multiples of 45 or of 30 degrees."""
+    parts = 4 if number % 3 else 6
+    return np.asarray(rng.integers(-parts, parts + 1, 6) * (np.pi / parts), float)
+
+
 @pytest.mark.one_quick
 @pytest.mark.parametrize("count", [FEW, pytest.param(9, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [*JACOS, *ARMS])

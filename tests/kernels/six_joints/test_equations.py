@@ -64,7 +64,7 @@ def test_the_determinant_is_that_of_the_twelve_equations_and_of_degree_eight(rng
         ratios.append(determinant(e, math.cos(theta), math.sin(theta), work) / np.linalg.det(twelve))
     np.testing.assert_allclose(np.abs(ratios), 1.0, rtol=1e-9)
     assert np.ptp(ratios) < 1e-9
-    noise = fourier_of_determinant(e, work, roots.cosine, roots.sine)
+    noise, _ = fourier_of_determinant(e, work, roots.cosine, roots.sine)
     theta = 0.7
     k = np.arange(9)
     value = roots.cosine @ np.cos(k * theta) + roots.sine @ np.sin(k * theta)
