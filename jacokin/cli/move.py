@@ -37,7 +37,9 @@ class MoveOptions:
         metavar="N ..",
         help="Of the joints [N m], one for all or one for each: the motion is slowed down until none needs more.",
     )
-    rated_torque: bool = switch("--rated-torque", help="The same, with the limits of the robot's description.")
+    rated_torque: bool = switch(
+        "--rated-torque", without=("--torque-limit",), help="The same, with the limits of the robot's description."
+    )
 
 
 @command(no_args_is_help=True)
@@ -64,12 +66,7 @@ def move(
     has_pose = wanted.position is not None or wanted.kinova is not None
     if has_pose == (given.goal is not None):
         raise InvalidInputError("exactly one of --to and a pose (--position or --kinova) is needed")
-    if given.goal is not None and (wanted.is_oriented or wanted.is_free):
-        raise InvalidInputError("--to is joint angles: give it without an orientation and a free axis")
-    wanted.check()
-    if given.rated_torque and given.torque_limit is not None:
-        raise InvalidInputError("at most one of --torque-limit and --rated-torque is needed")
-    written.check({"--robot": source.robot, "--scene": around.scene}, source.package_dirs)
+    written.check(source, {"--scene": around.scene})
     arm = source.load()
     options.keep_degrees(written.output, arm)
     joints = form.units.for_joints(arm)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, progress_bar, show_facts, show_table, small
 from jacokin.cli.groups import FormOptions, RobotOptions, ToolOptions, free_about, load_scene
-from jacokin.cli.options import keep_apart, keep_degrees
+from jacokin.cli.options import keep_degrees
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units, warn_of_degrees
 from jacokin.errors import InvalidInputError, MissingExtraError
@@ -44,12 +44,12 @@ class TrajectoryFile:
         "--plot", metavar="FILE.png", help="Draw joints, limits, errors and distances over time."
     )
 
-    def check(self, inputs: Mapping[str, str | Path | None], packages: Sequence[Path]) -> None:
+    def check(self, source: RobotOptions, inputs: Mapping[str, Path | None]) -> None:
         """Check both files before anything is computed.
 
         Args:
-            inputs: option and file that is read, or the name of a bundled robot.
-            packages: where packages of robots are looked for.
+            source: the robot, whose files are read.
+            inputs: option and other file that is read.
 
         Raises:
             InvalidInputError: a file of another kind, options of one kind with another, or an output that is read.
@@ -69,7 +69,7 @@ class TrajectoryFile:
             raise InvalidInputError("--save-failed goes with --output FILE.csv or FILE.npz")
         if self.plot is not None and importlib.util.find_spec("matplotlib") is None:
             raise MissingExtraError("matplotlib", "plot")
-        keep_apart({"--output": output, "--plot": self.plot}, inputs, packages)
+        source.keep_apart({"--output": output, "--plot": self.plot}, inputs)
 
     def keeps(self, result: motion.Trajectory) -> bool:
         """Whether a trajectory is written."""
@@ -134,17 +134,18 @@ class PathOptions:
     )
     seed: list[float] | None = options.seed()
     start: list[float] | None = option(
-        "--start", metavar="Q1 .. Q6", help="Joint angles the arm is at, instead of --seed: no other start is tried."
+        "--start",
+        without=("--seed",),
+        metavar="Q1 .. Q6",
+        help="Joint angles the arm is at, instead of --seed: no other start is tried.",
     )
 
     def in_si(self, arm: model.Robot, units: Units) -> dict[str, Any]:
         """What `plan_path` and `track_path` both take, with a note where a number looks like one of another unit.
 
         Raises:
-            InvalidInputError: a wrong number of values, or options that do not go together.
+            InvalidInputError: a wrong number of values.
         """
-        if self.seed is not None and self.start is not None:
-            raise InvalidInputError("give at most one of --seed and --start")
         joints = units.for_joints(arm)
         taken: dict[str, Any] = {
             "dt": self.dt,
@@ -179,7 +180,7 @@ class PlanOptions:
         "--timing", default="keep", metavar="NAME", help="keep the speed, or slow down where joints cannot follow."
     )
     free_axis: list[float] | None = options.free_axis()
-    free_range: tuple[float, float] | None = options.free_range()
+    free_range: tuple[float, float] | None = options.free_range(needs=("--free-axis",))
 
 
 @command(no_args_is_help=True)
@@ -204,11 +205,9 @@ def plan(
       jacokin plan --path path.csv --speed 0.2 --timing slow --acceleration-limit 2 --output arm.kinova.csv
       jacokin plan --path path.csv --degrees --free-axis z --free-range -30 30
     """
-    written.check({"--path": given.waypoints, "--robot": source.robot, "--scene": around.scene}, source.package_dirs)
+    written.check(source, {"--path": given.waypoints, "--scene": around.scene})
     poses = read_poses(given.waypoints)
     axis, turns, units = chosen.free_axis, chosen.free_range, form.units
-    if axis is None and turns is not None:
-        raise InvalidInputError("--free-range needs --free-axis")
     if turns is not None:
         warn_of_degrees("--free-range", turns, units)
     targets = poses if axis is None else [free_about(pose, axis, turns, units) for pose in poses]
@@ -245,7 +244,7 @@ def track(
       jacokin track --path path.csv --degrees --velocity-limit 20 --acceleration-limit 60
       jacokin track --path path.csv --scene scene.yaml --clearance 0.02
     """
-    written.check({"--path": given.waypoints, "--robot": source.robot, "--scene": around.scene}, source.package_dirs)
+    written.check(source, {"--path": given.waypoints, "--scene": around.scene})
     poses = read_poses(given.waypoints)
     scene = load_scene(around.scene)
     arm = source.load()
