@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from jacokin.tasks import TaskEnv
     from jacokin.teleop import Device, Fingers, Keyboard, Player, Session, TaskArm, Teleop, TeleopStep
     from jacokin.viewer import Viewer
-    from jacokin.viewer.browser.props import Props
+    from jacokin.viewer.browser.stage import Props
 
 DEVICES = ("player", "spacemouse", "keyboard", "page")
 RATE = 60.0  # [1/s] of a hand that is made
@@ -477,7 +477,7 @@ class _Watched:
         self.shown = shown
         self._props: Props | None = None
         if shown is not None and simulation is not None:
-            from jacokin.viewer.browser.props import Props
+            from jacokin.viewer.browser.stage import Props
 
             self._props = Props(shown.server, simulation.environment)
 

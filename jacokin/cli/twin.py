@@ -176,7 +176,7 @@ def _watching(
 ) -> Callable[[], None]:
     """Show the arm, and the props of a task, in the browser; returns what draws them."""
     from jacokin import viewer
-    from jacokin.viewer.browser.props import Props
+    from jacokin.viewer.browser.stage import Props
 
     shown = stack.enter_context(viewer.serve(arm.robot, seed=arm.state.q, port=port))
     props = None if environment is None else Props(shown.server, environment)

@@ -19,8 +19,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
 from jacokin.model.poses import pose_from_kinova, pose_to_kinova
-from jacokin.twin.arm import ArmState
-from jacokin.twin.controller import GoalStatus, TwinGoal
+from jacokin.twin.arm import ArmState, GoalStatus, TwinGoal
 from jacokin.twin.faults import TICK
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
 from jacokin.twin.nodes import Ticker

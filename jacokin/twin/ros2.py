@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from jacokin.errors import InvalidInputError, needed
-from jacokin.twin.controller import GoalStatus
+from jacokin.twin.arm import GoalStatus
 from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
 from jacokin.twin.nodes import Ticker

@@ -145,7 +145,7 @@ def test_the_props_of_a_task_are_drawn_where_they_are(task: str) -> None:
     import viser
 
     from jacokin.tasks import TaskEnv
-    from jacokin.viewer.browser.props import Props
+    from jacokin.viewer.browser.stage import Props
 
     drawn = dict[str, SimpleNamespace]()
 
