@@ -18,6 +18,7 @@ from jacokin.arrays import Array
 from jacokin.ik.results import Status
 from jacokin.ik.solver import IKSolver
 from jacokin.model import poses
+from jacokin.model.mujoco_twin import rgba_of
 from jacokin.model.scene import Scene
 from jacokin.viewer.browser.controls import add_batch
 from jacokin.viewer.contents import Contents
@@ -31,7 +32,6 @@ from jacokin.viewer.drawing import (
     move,
     read_geom,
     read_site,
-    rgba_of,
     sphere,
     to_colour,
 )
