@@ -28,7 +28,7 @@ from jacokin.model import PointCloud, Scene
 from jacokin.model.measured_arm import MeasuredArm, MeasuredJoint
 from jacokin.motion import Trajectory, move_joints
 from jacokin.teleop.streams import Stream
-from jacokin.viewer.playback import Playback
+from jacokin.viewer.contents import Playback
 
 SLOW = 5.0  # [s] that a small file may take
 

@@ -2,12 +2,11 @@
 
 main, process              its subcommands, its exit codes, streams and signals
 command                    commands of click whose options are fields of classes, lists of numbers among them
-options, groups            options that commands have in common, alone and as classes; that files which are read are
-                           not overwritten
+options, groups            options that commands have in common, alone and as classes; files that are not overwritten
 units, display             radians and degrees, tables and JSON
 ik, ik_answers, ik_batch   `jacokin ik`: the command, the answer to one pose, a file of poses
 kinematics, info           `fk`, `jacobian`; `info`
-paths, move                `plan`, `track`; `move`
+paths                      `plan`, `track`, `move`
 teleop                     `teleop`, with a terminal's keys and a task's simulation
 twin, run                  `twin`, a node of ROS; `run`, which moves an arm
 reachability               `map`, `place`

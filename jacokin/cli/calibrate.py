@@ -15,7 +15,7 @@ from jacokin import calibration, logs, model
 from jacokin.cli import display, options
 from jacokin.cli.command import FILE, command, option, switch
 from jacokin.cli.groups import FormOptions, RobotOptions, load_scene
-from jacokin.cli.options import Vector3, keep_apart
+from jacokin.cli.options import Vector3
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
 from jacokin.files import replacing
@@ -47,19 +47,12 @@ class InstrumentOptions:
     """What measures, how well, and what of its place is known."""
 
     sigma: float | None = option("--sigma", metavar="M", help="Error of the instrument [m]; of a plan 0.0003.")
-    sigma_angle: float | None = option("--sigma-angle", metavar="A", help="Of poses: its error in angles [rad].")
+    sigma_angle: float | None = option(
+        "--sigma-angle", needs=("--sigma",), metavar="A", help="Of poses: its error in angles [rad]."
+    )
     unknown_base: bool = switch("--unknown-base", help="The instrument does not measure in the arm's base.")
     unknown_tool: bool = switch("--unknown-tool", help="The measured point is not the origin of --frame.")
     frame: str | None = options.frame()
-
-    def check(self) -> None:
-        """Refuse an error in angles alone.
-
-        Raises:
-            InvalidInputError: says so.
-        """
-        if self.sigma_angle is not None and self.sigma is None:
-            raise InvalidInputError("--sigma-angle needs --sigma")
 
     @property
     def error(self) -> float | tuple[float, float] | None:
@@ -161,8 +154,7 @@ class FitOptions:
         """
         if not self.files:
             raise InvalidInputError("give a file of measurements")
-        inputs = {f"FILE {path}": path for path in self.files} | {"--robot": source.robot}
-        keep_apart(self.outputs, inputs, source.package_dirs)
+        source.keep_apart(self.outputs, {f"FILE {path}": path for path in self.files})
         first = next((path for path in self.files if path.suffix in ENDINGS), None)
         if first is not None and (self.contact is not None or self.kinova or units.degrees):
             raise InvalidInputError(f"--contact, --kinova and --degrees are not for a recording of ROS: {first}")
@@ -200,7 +192,6 @@ def fit(
       jacokin calibrate touched.csv --contact plane --sigma 0.0005 --output my_arm.toml
       jacokin ik --calibration my_arm.toml --position 0.3 -0.2 0.5 --down
     """
-    instrument.check()
     given.check(source, recorded, form.units)
     arm = source.load()
     sets = [
@@ -252,8 +243,8 @@ class DesignOptions:
     )
     output: Path | None = option("--output", metavar="FILE.csv", help="The configurations, with x, y, z to fill in.")
     poses: bool = switch("--poses", help="Poses are measured, not positions.")
-    lower: Vector3 | None = option("--lower", metavar="X Y Z", help="Lower corner of what is seen [m].")
-    upper: Vector3 | None = option("--upper", metavar="X Y Z", help="Upper corner of what is seen [m].")
+    lower: Vector3 | None = options.lower_corner(help="Lower corner of what is seen [m].")
+    upper: Vector3 | None = options.upper_corner(help="Upper corner of what is seen [m].")
     scene: Path | None = options.scene()
     clearance: float = option("--clearance", default=0.02, metavar="D", help="The arm stays this far from contact [m].")
 
@@ -269,12 +260,9 @@ def plan(given: DesignOptions, instrument: InstrumentOptions, form: FormOptions,
       jacokin calibrate plan --points 40 --poses --unknown-base --unknown-tool --degrees
       jacokin calibrate plan --scene table.yaml --lower -0.8 -0.8 0 --upper 0.8 0 1
     """
-    if (given.lower is None) != (given.upper is None):
-        raise InvalidInputError("--lower and --upper go together")
     if given.lower is not None and given.upper is not None and not all(map(lt, given.lower, given.upper)):
         raise InvalidInputError(f"--lower must be below --upper [m], got {given.lower} and {given.upper}")
-    instrument.check()
-    keep_apart({"--output": given.output}, {"--scene": given.scene, "--robot": source.robot}, source.package_dirs)
+    source.keep_apart({"--output": given.output}, {"--scene": given.scene})
     arm = source.load()
     error = instrument.error
     if given.poses and instrument.sigma is not None and instrument.sigma_angle is None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jacokin import ik, model
+from jacokin import files, ik, model
 from jacokin.cli import options
 from jacokin.cli.command import option
 from jacokin.cli.units import Units
+from jacokin.errors import InvalidInputError
 from jacokin.model import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
@@ -45,6 +47,59 @@ class RobotOptions:
         """
         given = {each.name: getattr(self, each.name) for each in fields(RobotOptions) if each.name != "robot"}
         return model.load_robot(DEFAULT_ROBOT if self.robot is None else self.robot, **given)
+
+    def keep_apart(self, outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None] | None = None) -> None:
+        """Refuse outputs that are inputs, the files of the robot among them, or one file under two options.
+
+        Args:
+            outputs: option and file; None where it is not given.
+            inputs: option and file.
+
+        Raises:
+            InvalidInputError: names the two options.
+        """
+        written: dict[Path, str] = {}
+        read = {**({} if inputs is None else inputs), "--robot": None if self.robot is None else Path(self.robot)}
+        for flag, output in outputs.items():
+            if output is None:
+                continue
+            place = _resolved(output)  # where it is written, also past a folder that is not there
+            other = written.setdefault(place, flag)
+            if other != flag:
+                raise InvalidInputError(f"{flag} and {other} are the same file, {output}")
+            for name, given in read.items() if place.is_file() else ():
+                if given is not None and any(place.samefile(each) for each in _read_files(given, self.package_dirs)):
+                    raise InvalidInputError(f"{flag} {output} is a file that {name} reads: it would be lost")
+
+
+# Meshes, textures and included files in a URDF or MJCF, and the folders MJCF looks for them in.
+_REFERENCE = re.compile(r"""\b(?:file|filename)\s*=\s*["']([^"']+)["']""")
+_FOLDER = re.compile(r"""\b(?:meshdir|texturedir|assetdir)\s*=\s*["']([^"']+)["']""")
+_SCHEME = re.compile(r"^(?:package|file)://")
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):  # a loop of links, refused when it is opened
+        return path
+
+
+def _read_files(path: Path, packages: Sequence[Path]) -> Iterator[Path]:
+    """A file and those that it names, if it is a robot description."""
+    seen: set[Path] = set()
+    ahead = [path]
+    while ahead:
+        file = ahead.pop()
+        if file in seen or not file.is_file():
+            continue
+        seen.add(file)
+        yield file
+        if file.suffix.lower() in (".urdf", ".xml", ".mjcf"):
+            text = files.read_bytes(file, files.DESCRIPTION).decode("utf-8", "replace")
+            folders = [*packages, path.parent, file.parent, *(path.parent / folder for folder in _FOLDER.findall(text))]
+            names = [_SCHEME.sub("", name) for name in _REFERENCE.findall(text)]
+            ahead += [folder / name for folder in folders for name in names]
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,14 +151,17 @@ class BatchOptions:
         "--targets",
         help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none; others are kept.",
     )
-    output: Path | None = option("--output", help="Write the answers to --targets to this .csv, .npz or .parquet.")
+    output: Path | None = option(
+        "--output", needs=("--targets",), help="Write the answers to --targets to this .csv, .npz or .parquet."
+    )
     resume: bool | None = option(
         "--resume/--no-resume",
+        needs=("--output",),
         default=None,
         help="Continue a run with --targets and --output that did not end, as happens if not given; or start again.",
     )
     workers: int = options.workers(needs=("--targets",), without=("--dask",))
-    dask: str | None = options.dask()
+    dask: str | None = options.dask(needs=("--output",))
 
 
 def load_scene(path: Path | None) -> model.Scene | None:

@@ -20,7 +20,7 @@ from jacokin.cli.groups import (
     free_about,
     load_generator,
 )
-from jacokin.cli.options import Vector3, Vector4, Vector6, keep_apart
+from jacokin.cli.options import Vector3, Vector4, Vector6
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.units import Units, warn_of_degrees, warn_of_millimetres
 from jacokin.errors import InvalidInputError
@@ -31,22 +31,38 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+ORIENTATIONS = ("--quat-wxyz", "--rpy", "--down", "--approach")
+OTHER_TARGETS = ("--targets", "--to")  # a file of poses, and joint angles
+
+
 @dataclass(frozen=True, slots=True)
 class TargetOptions:
     """The pose to reach."""
 
-    position: Vector3 | None = option("--position", metavar="X Y Z", help="Where the tool should be [m].")
+    position: Vector3 | None = option(
+        "--position", without=OTHER_TARGETS, metavar="X Y Z", help="Where the tool should be [m]."
+    )
     kinova: Vector6 | None = option(
-        "--kinova", metavar="X Y Z A B C", help="Its pose as Kinova says it: [mm], [deg], R = Rx(A) Ry(B) Rz(C)."
+        "--kinova",
+        without=("--position", *ORIENTATIONS, *OTHER_TARGETS),
+        metavar="X Y Z A B C",
+        help="Its pose as Kinova says it: [mm], [deg], R = Rx(A) Ry(B) Rz(C).",
     )
-    quat_wxyz: Vector4 | None = option("--quat-wxyz", metavar="W X Y Z", help="Its orientation as a quaternion.")
-    rpy: Vector3 | None = option("--rpy", metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R).")
-    down: bool = switch("--down", help="Its orientation: pointing vertically down.")
+    quat_wxyz: Vector4 | None = option(
+        "--quat-wxyz", without=OTHER_TARGETS, metavar="W X Y Z", help="Its orientation as a quaternion."
+    )
+    rpy: Vector3 | None = option(
+        "--rpy", without=OTHER_TARGETS, metavar="R P Y", help="Its orientation as R = Rz(Y) Ry(P) Rx(R)."
+    )
+    down: bool = switch("--down", without=OTHER_TARGETS, help="Its orientation: pointing vertically down.")
     approach: Vector3 | None = option(
-        "--approach", metavar="X Y Z", help="The direction its z axis points in; the roll is free."
+        "--approach",
+        without=("--quat-wxyz", "--rpy", "--down", "--free-axis", *OTHER_TARGETS),
+        metavar="X Y Z",
+        help="The direction its z axis points in; the roll is free.",
     )
-    free_axis: list[float] | None = options.free_axis()
-    free_range: tuple[float, float] | None = options.free_range()
+    free_axis: list[float] | None = options.free_axis(without=OTHER_TARGETS)
+    free_range: tuple[float, float] | None = options.free_range(needs=("--free-axis", "--approach"))
 
     @property
     def is_oriented(self) -> bool:
@@ -58,21 +74,6 @@ class TargetOptions:
             or self.rpy is not None
             or self.down
         )
-
-    def check(self) -> None:
-        """Refuse a pose that is given twice.
-
-        Raises:
-            InvalidInputError: names the options.
-        """
-        turned = (self.quat_wxyz, self.rpy, self.approach, self.position)
-        if self.kinova is not None and (self.down or any(each is not None for each in turned)):
-            raise InvalidInputError("--kinova is a whole pose: give it without --position and an orientation")
-
-    @property
-    def is_free(self) -> bool:
-        """Whether the tool may turn about an axis, apart from --approach."""
-        return self.free_axis is not None or self.free_range is not None
 
     def build(self, units: Units) -> pin.SE3 | NDArray[np.float64] | jacokin.FreeAxis:
         """The pose; the position alone when the orientation is free; or a pose that may turn about an axis.
@@ -88,17 +89,15 @@ class TargetOptions:
         if self.kinova is not None:
             at = jacokin.model.pose_from_kinova(self.kinova[:3], self.kinova[3:])
             return self._about_axis(at, units)
-        assert self.position is not None  # check
+        assert self.position is not None  # each command asks for one of the two
         if self.approach is not None:
-            if self.quat_wxyz is not None or self.rpy is not None or self.down or self.free_axis is not None:
-                raise InvalidInputError("--approach is an orientation with a free axis: give it alone")
             target = jacokin.pose(self.position, approach=self.approach)
             if self.free_range is None:
                 return target
             return jacokin.FreeAxis(target.pose, axis=target.axis, range=units.to_si(self.free_range))
         if not self.is_oriented:
-            if self.is_free:
-                raise InvalidInputError("--free-axis and --free-range need an orientation to start from")
+            if self.free_axis is not None:
+                raise InvalidInputError("--free-axis needs an orientation to start from")
             from jacokin.model import checks
 
             warn_of_millimetres("--position", self.position)
@@ -109,11 +108,7 @@ class TargetOptions:
 
     def _about_axis(self, at: pin.SE3, units: Units) -> pin.SE3 | jacokin.FreeAxis:
         """The pose, or one that may turn about an axis where that is asked for."""
-        if self.free_axis is None:
-            if self.free_range is not None:
-                raise InvalidInputError("--free-range goes with --free-axis or --approach")
-            return at
-        return free_about(at, self.free_axis, self.free_range, units)
+        return at if self.free_axis is None else free_about(at, self.free_axis, self.free_range, units)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,19 +139,24 @@ class IKOptions:
     """Which answer is looked for, and where the search starts."""
 
     prefer: str | None = option(
-        "--prefer", metavar="NAME", help="Which configuration: nearest (if not given), margin, manipulability."
+        "--prefer",
+        without=("--all", "--targets"),
+        metavar="NAME",
+        help="Which configuration: nearest (if not given), margin, manipulability.",
     )
-    every: bool = switch("--all", help="Show every branch, inside the limits or not.")
+    every: bool = switch("--all", without=("--targets",), help="Show every branch, inside the limits or not.")
     closest: bool | None = option(
         "--closest/--no-closest",
+        without=("--all",),
         default=None,
         help="Look for the closest configuration where a pose is not reached, which takes long; "
         "if not given, for one pose and not for files.",
     )
     seed: list[float] | None = options.seed()
-    random_seed: int | None = options.random_seed(without=("--all",))
+    random_seed: int | None = options.random_seed(without=("--all", "--targets"))
     fixed: Sequence[str] = option(
         "--fixed",
+        needs=("--all",),
         multiple=True,
         metavar="JOINT=VALUE",
         help="With --all, on an arm of more than six joints: hold a joint there. Repeatable.",
@@ -194,20 +194,13 @@ def ik(
     """
     from jacokin.cli.ik_answers import show_curves, show_none, show_points, show_result
 
-    if given.fixed and not given.every:
-        raise InvalidInputError("--fixed goes with --all")
-    if batch.targets is None:
-        check_one_pose(given, wanted, batch)
-    else:
-        check_file(given, wanted, form.units)
-    if batch.output is None and (batch.resume is not None or batch.dask is not None):
-        flag = "--dask" if batch.resume is None else "--resume" if batch.resume else "--no-resume"
-        raise InvalidInputError(f"{flag} goes with --targets and --output")
-    keep_apart(
-        {"--output": batch.output},
-        {"--targets": batch.targets, "--robot": source.robot, "--scene": around.scene},
-        source.package_dirs,
-    )
+    if batch.targets is not None and form.units.degrees:
+        raise InvalidInputError("--degrees does not go with --targets: files hold angles in radians")
+    if batch.targets is None and wanted.position is None and wanted.kinova is None:
+        raise InvalidInputError("give --position X Y Z or --targets FILE.csv; `jacokin ik --help` has examples")
+    if given.every and not wanted.is_oriented:
+        raise InvalidInputError("--all needs an orientation: a position alone is reached by infinitely many")
+    source.keep_apart({"--output": batch.output}, {"--targets": batch.targets, "--scene": around.scene})
     arm = source.load()
     start = form.units.for_joints(arm).seed("--seed", given.seed)
     solver = jacokin.IKSolver(
@@ -253,43 +246,3 @@ def read_fixed(texts: Sequence[str], arm: jacokin.Robot, units: Units) -> dict[s
     for joint, [number] in options.parse_joints("--fixed", "JOINT=VALUE", "joint_3=0.4", texts).items():
         values[joint] = number if slides.get(joint, False) else units.to_si([number])[0]
     return values
-
-
-def check_file(given: IKOptions, wanted: TargetOptions, units: Units) -> None:
-    """Refuse options that do not go with --targets.
-
-    Raises:
-        InvalidInputError: names the option.
-    """
-    refused = {
-        "--position": wanted.position is not None,
-        "--kinova": wanted.kinova is not None,
-        "an orientation": wanted.is_oriented,
-        "a free axis": wanted.is_free,
-        "--all": given.every,
-        "--random-seed": given.random_seed is not None,
-        "--prefer": given.prefer is not None,
-        "--degrees": units.degrees,
-    }
-    for name, is_given in refused.items():
-        if is_given:
-            raise InvalidInputError(f"{name} does not go with --targets: files hold poses, and angles in radians")
-
-
-def check_one_pose(given: IKOptions, wanted: TargetOptions, batch: BatchOptions) -> None:
-    """Refuse options that do not go together without --targets.
-
-    Raises:
-        InvalidInputError: names the options.
-    """
-    wanted.check()
-    if wanted.position is None and wanted.kinova is None:
-        raise InvalidInputError("give --position X Y Z or --targets FILE.csv; `jacokin ik --help` has examples")
-    if batch.output is not None:
-        raise InvalidInputError("--output goes with --targets")
-    if given.every and given.prefer is not None:
-        raise InvalidInputError("--prefer does not go with --all, which shows every branch")
-    if given.every and not wanted.is_oriented:
-        raise InvalidInputError("--all needs an orientation: a position alone is reached by infinitely many")
-    if given.every and given.closest is not None:
-        raise InvalidInputError("--closest and --no-closest do not go with --all, which shows every branch")

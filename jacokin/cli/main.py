@@ -41,7 +41,7 @@ COMMANDS = {
     "info": "info",
     "track": "paths",
     "plan": "paths",
-    "move": "move",
+    "move": "paths",
     "teleop": "teleop",
     "run": "run",
     "twin": "twin",

@@ -1,16 +1,16 @@
-"""Options that several commands have in common, what they are read as, and files that must not be overwritten."""
+"""Options that several commands have in common, and what they are read as."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from jacokin import files, model
+from jacokin import model
 from jacokin.cli.command import FILE, NumberList, option, parse_numbers, switch
 from jacokin.cli.units import Units
 from jacokin.errors import InvalidInputError
@@ -182,6 +182,8 @@ scene = partial(option, "--scene", metavar="FILE.yaml", help="Obstacles around t
 clearance = partial(
     option, "--clearance", default=0.0, metavar="D", help="Shapes this near to each other count as touching [m]."
 )
+lower_corner = partial(option, "--lower", needs=("--upper",), metavar="X Y Z")
+upper_corner = partial(option, "--upper", needs=("--lower",), metavar="X Y Z")
 dt = partial(option, "--dt", default=0.01, metavar="T", help="Control step [s].")
 velocity_limit = partial(
     option, "--velocity-limit", metavar="V ..", help="Of the joints [rad/s], one for all or one for each."
@@ -236,12 +238,6 @@ port = partial(
 )
 
 
-# Meshes, textures and included files in a URDF or MJCF, and the folders MJCF looks for them in.
-_REFERENCE = re.compile(r"""\b(?:file|filename)\s*=\s*["']([^"']+)["']""")
-_FOLDER = re.compile(r"""\b(?:meshdir|texturedir|assetdir)\s*=\s*["']([^"']+)["']""")
-_SCHEME = re.compile(r"^(?:package|file)://")
-
-
 def keep_degrees(output: Path | None, robot: model.Robot) -> None:
     """Refuse to write joints that slide to Kinova's files.
 
@@ -251,53 +247,3 @@ def keep_degrees(output: Path | None, robot: model.Robot) -> None:
     sliding = [name for name, slides in zip(robot.joint_names, robot.sliding.tolist(), strict=True) if slides]
     if output is not None and output.name.endswith((".kinova.csv", ".kinova.json")) and sliding:
         raise InvalidInputError(f"--output {output.name}: Kinova's files hold angles, and {', '.join(sliding)} slides")
-
-
-def keep_apart(
-    outputs: Mapping[str, Path | None], inputs: Mapping[str, str | Path | None], folders: Sequence[Path] = ()
-) -> None:
-    """Refuse outputs that are inputs, or one file under two options.
-
-    Args:
-        outputs: option and file; None where it is not given.
-        inputs: option and file, or the name of a bundled robot.
-        folders: where packages of robots are looked for.
-
-    Raises:
-        InvalidInputError: names the two options.
-    """
-    written: dict[Path, str] = {}
-    for flag, output in outputs.items():
-        if output is None:
-            continue
-        place = _resolved(output)  # where it is written, also past a folder that is not there
-        other = written.setdefault(place, flag)
-        if other != flag:
-            raise InvalidInputError(f"{flag} and {other} are the same file, {output}")
-        for name, given in inputs.items() if place.is_file() else ():
-            if given is not None and any(place.samefile(read) for read in _read_files(Path(given), folders)):
-                raise InvalidInputError(f"{flag} {output} is a file that {name} reads: it would be lost")
-
-
-def _resolved(path: Path) -> Path:
-    try:
-        return path.resolve()
-    except (OSError, RuntimeError):  # a loop of links, refused when it is opened
-        return path
-
-
-def _read_files(path: Path, packages: Sequence[Path]) -> Iterator[Path]:
-    """A file and those that it names, if it is a robot description."""
-    seen: set[Path] = set()
-    ahead = [path]
-    while ahead:
-        file = ahead.pop()
-        if file in seen or not file.is_file():
-            continue
-        seen.add(file)
-        yield file
-        if file.suffix.lower() in (".urdf", ".xml", ".mjcf"):
-            text = files.read_bytes(file, files.DESCRIPTION).decode("utf-8", "replace")
-            folders = [*packages, path.parent, file.parent, *(path.parent / folder for folder in _FOLDER.findall(text))]
-            names = [_SCHEME.sub("", name) for name in _REFERENCE.findall(text)]
-            ahead += [folder / name for folder in folders for name in names]

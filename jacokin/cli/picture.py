@@ -23,7 +23,6 @@ FINGERS = 0.6  # [rad] half closed
 CAMERA = {"elevation": -15.0, "distance": 1.5}  # [deg], [m]
 GHOST = 0.5  # opacity of where else the arm was
 CRATE = (0.72, 0.55, 0.36, 1.0)  # cardboard
-LOOK_AT = (0.05, -0.1, 0.42)  # [m]
 
 
 def render(
@@ -32,7 +31,7 @@ def render(
     crates: Sequence[tuple[ArrayLike, ArrayLike]] = (),
     *,
     azimuth: float = 60.0,
-    look_at: ArrayLike = LOOK_AT,
+    look_at: ArrayLike = (0.05, -0.1, 0.42),  # [m]
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Draw a bundled arm, and where else it was.
 

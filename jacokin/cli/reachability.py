@@ -19,7 +19,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import progress_bar
 from jacokin.cli.groups import MapRobotOptions, RobotOptions, ToolOptions, load_scene
-from jacokin.cli.options import Vector3, Vector4, keep_apart
+from jacokin.cli.options import Vector3, Vector4
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.errors import InvalidInputError, MissingExtraError, UnknownNameError
 from jacokin.files import replacing
@@ -61,8 +61,8 @@ class BuildOptions:
         help="Directions of this axis of the tool (x, y, z or X,Y,Z), about which it may turn; "
         "with --down, the tool pointing down, which may turn about it.",
     )
-    lower: Vector3 | None = option("--lower", metavar="X Y Z", help="Lower corner of the box [m].")
-    upper: Vector3 | None = option("--upper", metavar="X Y Z", help="Upper corner of the box [m].")
+    lower: Vector3 | None = options.lower_corner(help="Lower corner of the box [m].")
+    upper: Vector3 | None = options.upper_corner(help="Upper corner of the box [m].")
     scene: Path | None = options.scene()
     collision: str | None = option(
         "--collision",
@@ -88,8 +88,6 @@ def build(given: BuildOptions, tool: ToolOptions, source: RobotOptions) -> None:
       jacokin map build out/jaco --shard 3/16
       jacokin map build out/level --down --free-axis x --scene table.yaml --workers 2
     """
-    if (given.lower is None) != (given.upper is None):
-        raise InvalidInputError("--lower and --upper go together")
     arm = source.load()
     grid = (
         reachability.Grid.around(arm, given.spacing)
@@ -208,7 +206,7 @@ def show(given: ShowOptions, source: MapRobotOptions) -> None:
       jacokin map show out/jaco --output out/jaco.apng
       jacokin map show out/level --scene table.yaml --output out/level.html
     """
-    keep_apart({"--output": given.output}, {"--scene": given.scene, "--robot": source.robot}, source.package_dirs)
+    source.keep_apart({"--output": given.output}, {"--scene": given.scene})
     reach = load_map(given.folder, source)
     if reach.recipe["scene"] is not None and given.scene is not None:
         reach = load_map(given.folder, source, given.scene)  # checks that it is the same
@@ -251,10 +249,9 @@ def place(given: PlaceOptions, source: MapRobotOptions) -> None:
       jacokin place --targets examples/targets.csv --scene bench.yaml --x 0 0.4 --y -1 1 --height 0.75 --plot place.png
       jacokin place --targets examples/targets.csv --map out/mine --robot my_arm.urdf --map-scene column.yaml
     """
-    keep_apart(
+    source.keep_apart(
         {"--plot": given.plot},
-        {"--targets": given.targets, "--scene": given.scene, "--map-scene": given.map_scene, "--robot": source.robot},
-        source.package_dirs,
+        {"--targets": given.targets, "--scene": given.scene, "--map-scene": given.map_scene},
     )
     from jacokin.reachability.placement import PLACE_ENDINGS, draw_placement
 

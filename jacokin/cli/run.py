@@ -77,7 +77,11 @@ class ConnectionOptions:
     )
     twin: bool = switch("--twin", help="Move a simulated arm instead, without ROS, that stands where it begins.")
     faults: str = option(
-        "--faults", metavar="FAULTS", default="", help="With --twin: such as lag=0.02,loss=0.01,stall=0.3."
+        "--faults",
+        needs=("--twin",),
+        metavar="FAULTS",
+        default="",
+        help="With --twin: such as lag=0.02,loss=0.01,stall=0.3.",
     )
     random_seed: int | None = options.random_seed(needs=("--twin",))
 
@@ -181,8 +185,6 @@ def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) ->
 
     if (way.ros is not None) + (way.forwarder is not None) + way.twin != 1:
         raise InvalidInputError("give one of --ros, --forwarder and --twin")
-    if way.faults and not way.twin:
-        raise InvalidInputError("--faults are for --twin")
     bundled = robot.source.bundled or model.DEFAULT_ROBOT
     if way.twin:
         return _twin(robot, bundled, way, motion)

@@ -50,12 +50,14 @@ class TaskOptions:
     )
     noise: float | None = option(
         "--noise",
+        needs=("--expert",),
         type=click.FloatRange(min=0.0),
         metavar="RAD/S",
         help="With --expert: standard deviation of noise on its velocities, such as 0.05.",
     )
     mistakes: int | None = option(
         "--mistakes",
+        needs=("--expert",),
         type=click.IntRange(min=0),
         metavar="N",
         help="With --expert: how many times in an episode the arm goes astray, and comes back.",
@@ -84,8 +86,6 @@ class TaskOptions:
         Raises:
             InvalidInputError: names them.
         """
-        if not self.expert and (self.noise is not None or self.mistakes is not None):
-            raise InvalidInputError("--noise and --mistakes are those of the expert: give --expert too")
         if self.record is not None and not self.record.absolute().parent.is_dir():
             raise InvalidInputError(f"--record: there is no folder {self.record.absolute().parent}")
         if self.render and is_video(self.record):

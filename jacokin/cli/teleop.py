@@ -25,7 +25,7 @@ from jacokin.cli import display, options
 from jacokin.cli.command import command, option, switch
 from jacokin.cli.display import number, show_facts
 from jacokin.cli.groups import RADIANS, RobotOptions, SceneOptions
-from jacokin.cli.options import keep_apart, keep_degrees
+from jacokin.cli.options import keep_degrees
 from jacokin.cli.process import NOT_SOLVED
 from jacokin.cli.task import DATA_SETS, choose_renderer
 from jacokin.errors import InvalidInputError, ModelError
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from jacokin.tasks import TaskEnv
     from jacokin.teleop import Device, Fingers, Keyboard, Player, Session, TaskArm, Teleop, TeleopStep
     from jacokin.viewer import Viewer
-    from jacokin.viewer.browser.props import Props
+    from jacokin.viewer.browser.stage import Props
 
 DEVICES = ("player", "spacemouse", "keyboard", "page")
 RATE = 60.0  # [1/s] of a hand that is made
@@ -173,19 +173,32 @@ class SimulationOptions:
         "--task", metavar="NAME", help="Lead the arm of this task's simulation, such as reach_site."
     )
     record: Path | None = option(
-        "--record", help="With --task: a data set of the episodes that are kept, .hdf5, .minari or .lerobot."
+        "--record",
+        needs=("--task",),
+        without=("--seconds", "--output"),
+        help="With --task: a data set of the episodes that are kept, .hdf5, .minari or .lerobot.",
     )
     episodes: int | None = option(
         "--episodes",
+        needs=("--record",),
         type=click.IntRange(min=1),
         metavar="N",
         help="With --record: how many to keep; a session that ends with fewer goes on when it is started again.",
     )
     cameras: dict[str, tuple[int, int]] | None = options.cameras(
-        help="With --record: a camera that observes, front_close or wrist, and the size of its pictures. Repeatable."
+        needs=("--record",),
+        help="With --record: a camera that observes, front_close or wrist, and the size of its pictures. Repeatable.",
     )
-    pace: float | None = options.pace(help="With --record: simulated seconds in a second; 0.5 is slow motion.")
-    render: bool = switch("--render", help="With --task: show the simulation in a window, which needs a display.")
+    pace: float | None = options.pace(
+        needs=("--record",),
+        without=("--fast",),
+        help="With --record: simulated seconds in a second; 0.5 is slow motion.",
+    )
+    render: bool = switch(
+        "--render",
+        needs=("--task",),
+        help="With --task: show the simulation in a window, which needs a display.",
+    )
 
     def check(self, hand: LeadingOptions, *, has_robot: bool) -> None:
         """Refuse options that do not go together, before anything is made.
@@ -197,27 +210,14 @@ class SimulationOptions:
         Raises:
             InvalidInputError: names them.
         """
-        if self.record is None:
-            if self.episodes is not None or self.cameras or self.pace is not None:
-                raise InvalidInputError("--episodes, --camera and --pace are for --record: give it, and --task")
-        elif self.task is None:
-            raise InvalidInputError("--record writes episodes of a task: give --task too, such as lift_brick")
-        elif self.record.suffix not in DATA_SETS:
+        if self.record is not None and self.record.suffix not in DATA_SETS:
             raise InvalidInputError(f"--record must end in {', '.join(DATA_SETS)}, got {str(self.record)!r}")
-        elif hand.seconds is not None or hand.output is not None:
-            raise InvalidInputError(
-                "--record ends with its episodes and writes them only: leave out --seconds and --output"
-            )
         if hand.random_seed is not None and self.task is None and not hand.is_made:
             raise InvalidInputError("--random-seed is for a hand that is made, or for --task")
-        if hand.fast and self.pace is not None:
-            raise InvalidInputError("give at most one of --fast and --pace")
         if self.task is not None and has_robot:
             raise InvalidInputError(
                 f"--task has its robot, {model.DEFAULT_ROBOT}, and its control step: leave them out"
             )
-        if self.render and self.task is None:
-            raise InvalidInputError("--render shows the simulation of a task: give --task too, or --view")
         if self.render and not has_display():
             raise InvalidInputError(
                 "--render needs a display; without one, --view shows the arm and the props in a browser"
@@ -286,8 +286,8 @@ def teleop(
     """
     hand.check()
     simulated.check(hand, has_robot=following.dt is not None or source != RobotOptions())
-    inputs = {"--robot": source.robot, "--scene": around.scene, "--stream": hand.recording}
-    keep_apart({"--output": hand.output, "--record": simulated.record}, inputs, source.package_dirs)
+    inputs = {"--scene": around.scene, "--stream": hand.recording}
+    source.keep_apart({"--output": hand.output, "--record": simulated.record}, inputs)
     from jacokin.teleop import lead
 
     with contextlib.ExitStack() as stack:
@@ -477,7 +477,7 @@ class _Watched:
         self.shown = shown
         self._props: Props | None = None
         if shown is not None and simulation is not None:
-            from jacokin.viewer.browser.props import Props
+            from jacokin.viewer.browser.stage import Props
 
             self._props = Props(shown.server, simulation.environment)
 

@@ -54,7 +54,8 @@ class TwinOptions:
     fast: bool = switch("--fast", help="As fast as it can, instead of at a pace.")
     task: str | None = option("--task", metavar="NAME", help="Stand in the scene of this task, such as lift_brick.")
     cameras: dict[str, tuple[int, int]] | None = options.cameras(
-        help="With --task: publish pictures of front_close, wrist or whole, 10 a second. Repeatable."
+        needs=("--task",),
+        help="With --task: publish pictures of front_close, wrist or whole, 10 a second. Repeatable.",
     )
     seconds: float | None = option(
         "--seconds", metavar="T", help="End after this simulated time [s]; by Ctrl-C if not given."
@@ -88,8 +89,6 @@ def twin(given: TwinOptions) -> None:
     from jacokin.twin.nodes import Ticker
 
     found = Faults.parse(given.faults)
-    if given.cameras and given.task is None:
-        raise InvalidInputError("--camera shows the scene of a task: give --task too")
     if given.task is not None and (given.robot != model.DEFAULT_ROBOT or given.start is not None):
         raise InvalidInputError(f"--task has its robot, {model.DEFAULT_ROBOT}, and its start: leave them out")
     called = given.robot if given.name is None else given.name
@@ -177,7 +176,7 @@ def _watching(
 ) -> Callable[[], None]:
     """Show the arm, and the props of a task, in the browser; returns what draws them."""
     from jacokin import viewer
-    from jacokin.viewer.browser.props import Props
+    from jacokin.viewer.browser.stage import Props
 
     shown = stack.enter_context(viewer.serve(arm.robot, seed=arm.state.q, port=port))
     props = None if environment is None else Props(shown.server, environment)

@@ -14,7 +14,6 @@ from jacokin.cli.command import NumberList, command, option, switch
 from jacokin.cli.groups import RobotOptions, SceneOptions, ToolOptions
 from jacokin.cli.reachability import load_map
 from jacokin.cli.units import Units, warn_of_degrees
-from jacokin.errors import InvalidInputError
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -31,21 +30,22 @@ class PlayedLogOptions:
         "--log",
         help="A recording of ROS to play: .bag, .mcap or .db3; what was commanded is drawn beside what was measured.",
     )
-    joints_topic: str | None = options.joints_topic()
+    joints_topic: str | None = options.joints_topic(needs=("--log",))
     commanded_topic: str | None = option(
-        "--commanded-topic", metavar="NAME", help="Of a log: what was commanded; the usual names are found."
+        "--commanded-topic",
+        needs=("--log",),
+        metavar="NAME",
+        help="Of a log: what was commanded; the usual names are found.",
     )
-    joint_prefix: str | None = options.joint_prefix()
+    joint_prefix: str | None = options.joint_prefix(needs=("--log",))
 
     def load(self, arm: Robot) -> logs.Recording | None:
         """What there is to play of a log; None without one.
 
         Raises:
-            InvalidInputError: its options without a log, or as `Log.recording`.
+            InvalidInputError: as `Log.recording`.
         """
         if self.log is None:
-            if self.joints_topic or self.commanded_topic or self.joint_prefix:
-                raise InvalidInputError("--joints-topic, --commanded-topic and --joint-prefix are for --log")
             return None
         log = logs.Log(self.log, arm, prefix=self.joint_prefix)
         return log.recording(joints=self.joints_topic, commanded=self.commanded_topic)
@@ -78,7 +78,7 @@ class ViewOptions:
     free_axis: str | None = option("--free-axis", metavar="AXIS", help="The tool may turn about this axis: x, y or z.")
     free_range: tuple[float, float] | None = options.free_range(needs=("--free-axis",))
     trajectory: Path | None = option(
-        "--trajectory", help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv."
+        "--trajectory", without=("--log",), help="A trajectory to play: .csv, .npz, .json (ROS) or .kinova.csv."
     )
     reachability: str | None = option(
         "--map", metavar="FOLDER|NAME", help="A reachability map to show slices of: its folder, or a bundled robot."
@@ -111,8 +111,6 @@ def view(
 
     arm = source.load()
     recording = recorded.load(arm)
-    if recording is not None and given.trajectory is not None:
-        raise InvalidInputError("--log and --trajectory exclude each other")
     if given.free_range is not None:
         warn_of_degrees("--free-range", given.free_range, given.units)
     joints = given.units.for_joints(arm)

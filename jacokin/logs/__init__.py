@@ -2,11 +2,11 @@
 
 Everything public is imported from here.
 
-log            `Log`: joints, commands and poses of a recording, by the names of their topics
+log            `Log`: joints, commands and poses of a recording, by the names of their topics; where the arm stands
+               still, for `calibrate`; joints smoothed and differentiated, for `identify_arm`
 messages       what messages say in radians and metres, and which are read
 bag            the files themselves; the only part that imports rosbags
 motion_files   motions in files of this package, of ROS and of Kinova's driver
-rows           where the arm stands still, for `calibrate`; joints smoothed and differentiated, for `identify_arm`
 """
 
 from jacokin import lazy

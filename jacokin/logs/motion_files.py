@@ -17,7 +17,6 @@ from jacokin.model.robot import Robot
 from jacokin.motion.files import by_ending, read_table
 from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, Trajectory
 
-NOT_ROS = "not a JointTrajectory as JSON"
 #: Of ROS 2, of ROS 1, or a number [s].
 DURATIONS = ({"sec": float, "nanosec": float}, {"secs": float, "nsecs": float}, float)
 MESSAGE_FORM = {"joint_names": [str], "points": [{"time_from_start": DURATIONS, "positions": [float]}]}
@@ -67,7 +66,7 @@ def read_motion(path: str | Path, robot: Robot) -> MotionRows:
 
 def _read_ros(file: Path) -> tuple[tuple[str, ...], Array, Sequence[Sequence[float]]]:
     """Names, times and angles of a JointTrajectory message of ROS 1 or ROS 2."""
-    message = read_json(file, NOT_ROS, MESSAGE_FORM, MESSAGE)
+    message = read_json(file, "not a JointTrajectory as JSON", MESSAGE_FORM, MESSAGE)
     points = message["points"]
     times = [_seconds(point["time_from_start"]) for point in points]
     return tuple(message["joint_names"]), np.array(times, dtype=np.float64), [point["positions"] for point in points]

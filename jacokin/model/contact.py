@@ -143,12 +143,9 @@ class Contact:
         call.work.q[: q.size] = q
         return self._listed(call)
 
-    def touches_at(self, rows: Array, extra: float = 0.0) -> NDArray[np.bool_]:
-        """Whether any shapes touch at each of some checked configurations (n, dof) [rad].
-
-        With `extra` [m] the clearance is so much larger.
-        """
-        return self._ask(run.ContactTask.TOUCHES, rows, self._clearance + extra)
+    def touches_at(self, rows: Array) -> NDArray[np.bool_]:
+        """Whether any shapes touch at each of some checked configurations (n, dof) [rad]."""
+        return self._ask(run.ContactTask.TOUCHES, rows, self._clearance)
 
     def touching_from(self, T_world_base: pin.SE3, q: Array) -> list[Pair]:
         """Names of the shapes that touch with the base elsewhere: of the base and obstacles those 5 mm deep."""
@@ -164,12 +161,8 @@ class Contact:
 
     def _listed(self, call: Call[ContactWork]) -> list[Pair]:
         """All pairs that touch, the simpler kind of shape first."""
-        return sorted(self.ordered(a, b, by_kind=True) for a, b in self._numbers_touching(call).tolist())
-
-    def _numbers_touching(self, call: Call[ContactWork]) -> NDArray[np.int64]:
-        """Numbers (n, 2) of all pairs that touch."""
         found = self._run(call, run.ContactTask.LIST_TOUCHING, margin=self._clearance)
-        return call.work.hits.pairs[:found].copy()
+        return sorted(self.ordered(a, b, by_kind=True) for a, b in call.work.hits.pairs[:found].tolist())
 
     def distances(self, rows: Array, *, self_collision: bool = False) -> Array:
         """Smallest distances (n,) [m] of checked configurations; arguments and errors as of `nearest`."""

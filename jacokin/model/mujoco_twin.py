@@ -106,7 +106,7 @@ def to_spec(robot: Robot, *, geometry: bool = False, finger_angle: float | None 
         return spec
     source = with_shapes(robot).model
     shapes, pairs = shapes_of_description(robot, finger_angle)
-    colours = {mjcf.geom_name(source, geom): _colour(source, geom) for geom in range(source.ngeom)}
+    colours = {mjcf.geom_name(source, geom): rgba_of(source, geom) for geom in range(source.ngeom)}
     for shape in shapes:
         if shape.kind == "mesh":
             spec.add_mesh(name=shape.name, uservert=shape.vertices.ravel())
@@ -388,10 +388,11 @@ def _equations(source: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Arra
     return data.efc_pos[rows].copy(), jacobian[rows].copy()
 
 
-def _colour(source: mujoco.MjModel, geom: int) -> Array:
-    """(4,) of a geom: its own, or that of its material."""
-    material = int(source.geom_matid[geom])
-    return np.array(source.geom_rgba[geom] if material < 0 else source.mat_rgba[material])
+def rgba_of(model: mujoco.MjModel, number: int, kind: str = "geom") -> Array:
+    """(4,) the colour of a geom or a site in 0..1."""
+    material = int(getattr(model, f"{kind}_matid")[number])
+    rgba = getattr(model, f"{kind}_rgba")[number] if material < 0 else model.mat_rgba[material]
+    return np.array(rgba, dtype=np.float64)
 
 
 def mesh_vertices(source: mujoco.MjModel, mesh: int) -> Array:

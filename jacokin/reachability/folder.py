@@ -53,7 +53,6 @@ RECIPE_FORM = {
     "symmetries": {"joint 1": (str, None), "tool axis": ([float], None)},
     "orientations": {"name": str, "quat_wxyz": VECTORS, "free about?": VECTORS, "from and to?": VECTORS},
 }
-MANIFEST_FORM = {"recipe": str, "sha256": {str: str}, "bound?": (float, None)}
 POSES_IN_A_CHUNK = 20_000
 
 TURNS = (
@@ -77,7 +76,7 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
     path = Path(checks.text("folder", str(checks.path("folder", folder))))
     recipe = _document(path, RECIPE, RECIPE_FORM, f"is not a map: it has no {RECIPE}")
     missing = f"is not a complete map: it has no {MANIFEST}; build the rest of it"
-    manifest = _document(path, MANIFEST, MANIFEST_FORM, missing)
+    manifest = _document(path, MANIFEST, {"recipe": str, "sha256": {str: str}, "bound?": (float, None)}, missing)
     if manifest["recipe"] != file_digest(path / RECIPE):
         raise InvalidInputError(f"{path}: {MANIFEST} is of another {RECIPE} than this one; build the map again")
     if robot is not None:

@@ -19,7 +19,7 @@ from jacokin.files import reason
 from jacokin.model import checks
 from jacokin.runner.runner import Measured, Runner, RunnerStatus
 from jacokin.twin import KinovaDriver, TrajectoryController
-from jacokin.twin.controller import ArmController
+from jacokin.twin.arm import ArmController
 from jacokin.twin.faults import TICK
 
 LONGEST = 1 << 16  # bytes of a line

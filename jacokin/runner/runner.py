@@ -23,9 +23,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.contact_observer import ContactObserver
 from jacokin.model.robot import Robot, checked_robot
-from jacokin.runner.latency import MOST, LatencyMeasurement
+from jacokin.runner.measuring import MOST, LatencyMeasurement, Standing
 from jacokin.runner.motions import Motion, Wanted, apart
-from jacokin.runner.standing import Standing
 from jacokin.twin.faults import TICK
 
 RAMP = 0.2  # [s] in which a motion comes to wait for its arm, and goes on

@@ -1,7 +1,7 @@
 from jacokin.tasks.datasets.recording import RecordSummary as RecordSummary
+from jacokin.tasks.datasets.recording import Replayed as Replayed
 from jacokin.tasks.datasets.recording import record as record
-from jacokin.tasks.datasets.replaying import Replayed as Replayed
-from jacokin.tasks.datasets.replaying import replay as replay
+from jacokin.tasks.datasets.recording import replay as replay
 from jacokin.tasks.environment import Environment as Environment
 from jacokin.tasks.environment import load as load
 from jacokin.tasks.experts.expert import Expert as Expert

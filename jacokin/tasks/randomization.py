@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -36,14 +36,12 @@ FACTORS = (
 MAX_LATENCY = 1.0  # [s] of actions and of observations
 FEATURE_NOISE, FEATURE_BIAS = "feature_noise", "feature_bias"
 _BY_FEATURE = (FEATURE_NOISE, FEATURE_BIAS)  # fields with a number for each feature that is named
-MAX_SHIFT = 0.5  # [m] of the base in each direction, and of the camera
 _LARGEST_FACTOR = 1e3
 _CAMERA = ("camera_x", "camera_y", "camera_z")
 _BASE = ("base_x", "base_y", "base_z", "base_yaw")
 _COLOR = ("color_red", "color_green", "color_blue")
 _AXIS = ("camera_axis_x", "camera_axis_y", "camera_axis_z")
 ARM_PUSH, PROP_PUSH = "arm_push", "prop_push"
-MAX_TURN = 0.5  # [rad] of the camera
 _JOINTS = range(1, 7)
 _EACH = {  # fields with a number for each joint or actuator, or for each direction
     "base_pose": _BASE,
@@ -53,6 +51,19 @@ _EACH = {  # fields with a number for each joint or actuator, or for each direct
 }
 _DIRECTIONS = {"camera": _CAMERA, "colors": _COLOR, "camera_turn": _AXIS}  # of fields that are lengths of a vector
 _VALUES = {**_EACH, **{field: (field, *names) for field, names in _DIRECTIONS.items()}}
+_MOST = {  # largest values, and their units
+    "camera": (0.5, " m"),
+    "colors": (1.0, ""),
+    "camera_turn": (0.5, " rad"),
+    "latency": (MAX_LATENCY, " s"),
+    "observation_delay": (MAX_LATENCY, " s"),
+}
+_MAGNITUDES = {  # of values that may be negative: displacements [m], angles [rad], and parts of directions
+    **dict.fromkeys(_BASE[:3], 0.5),
+    _BASE[3]: math.pi,
+    **dict.fromkeys(_EACH["joint_offsets"], 0.5),
+    **dict.fromkeys((*_CAMERA, *_COLOR, *_AXIS), 1.0),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,25 +316,17 @@ def check_value(name: str, value: object) -> float:
         InvalidInputError: not a number, negative, or too large.
     """
     number = checks.number(name, value)
-    if name in FACTORS and not 0.0 < number <= _LARGEST_FACTOR:
+    is_factor = name in (*FACTORS, *_EACH["joint_gains"], *_EACH["link_masses"])
+    if is_factor and not 0.0 < number <= _LARGEST_FACTOR:
         raise InvalidInputError(f"{name} must be a factor above 0 and at most {_LARGEST_FACTOR:g}, got {number:g}")
-    if name in (*_EACH["joint_gains"], *_EACH["link_masses"]) and not 0.0 < number <= _LARGEST_FACTOR:
-        raise InvalidInputError(f"{name} must be a factor above 0 and at most {_LARGEST_FACTOR:g}, got {number:g}")
-    if name == "camera" and number > MAX_SHIFT:
-        raise InvalidInputError(f"camera must be at most {MAX_SHIFT:g} m, got {number:g}")
-    if name == "colors" and number > 1.0:
-        raise InvalidInputError(f"colors must be at most 1, got {number:g}")
-    if name == "camera_turn" and number > MAX_TURN:
-        raise InvalidInputError(f"camera_turn must be at most {MAX_TURN:g} rad, got {number:g}")
-    if name in (*_BASE, *_CAMERA, *_COLOR, *_AXIS, *_EACH["joint_offsets"]):
-        largest = {"base_yaw": math.pi}.get(name, MAX_SHIFT if name in _BASE else 1.0)
-        largest = 0.5 if name in _EACH["joint_offsets"] else largest  # [rad]
-        if abs(number) > largest:
-            raise InvalidInputError(f"{name} must be at most {largest:.4g} in magnitude, got {number:g}")
-    elif number < 0.0:
+    if name in _MOST and not number <= _MOST[name][0]:
+        most, unit = _MOST[name]
+        raise InvalidInputError(f"{name} must be at most {most:g}{unit}, got {number:g}")
+    largest = _MAGNITUDES.get(name)
+    if largest is None and number < 0.0:
         raise InvalidInputError(f"{name} must not be negative, got {number:g}")
-    if name in ("latency", "observation_delay") and number > MAX_LATENCY:
-        raise InvalidInputError(f"{name} must be at most {MAX_LATENCY:g} s, got {number:g}")
+    if largest is not None and abs(number) > largest:
+        raise InvalidInputError(f"{name} must be at most {largest:.4g} in magnitude, got {number:g}")
     return number
 
 
@@ -366,28 +369,27 @@ class Variation:
         self._model = model
         self._base = base
         self._scratch = mujoco.MjData(model)
-        self._at_first: dict[str, Array] = {name: getattr(model, name).copy() for name in (*SIMULATED, *_DRAWN)}
-        self._ambient: Array = model.vis.headlight.ambient.copy()
-        free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
-        self._free_bodies = np.asarray(free, dtype=np.intp)
-        hinges = model.jnt_type != mujoco.mjtJoint.mjJNT_FREE
-        self._dofs = np.asarray(model.jnt_dofadr[hinges], dtype=np.intp)
+        changed = [*(getattr(model, name) for name in (*SIMULATED, *_DRAWN)), model.vis.headlight.ambient]
+        self._at_first: list[tuple[Array, Array]] = [(array, array.copy()) for array in changed]
+        bodies = _free_bodies(model)
+        dofs = np.asarray(model.jnt_dofadr[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE], dtype=np.intp)
         self._joints = np.arange(len(_EACH["joint_offsets"]))  # those of the arm come first
         self._links = np.asarray(model.jnt_bodyid[self._joints], dtype=np.intp)
-        touched = np.isin(model.geom_bodyid, self._free_bodies) | (model.geom_bodyid == 0)
-        self._colored = np.flatnonzero(touched)
+        self._colored = np.flatnonzero(np.isin(model.geom_bodyid, bodies) | (model.geom_bodyid == 0))
         self._camera = int(model.camera(CAMERA).id)
-        self._appliers: dict[str, Callable[[float], None]] = {
-            "friction": lambda factor: self._scale("geom_friction", factor, (slice(None), 0)),
-            "mass": self._scale_mass,
-            "gains": self._scale_gains,
-            "damping": lambda factor: self._scale("dof_damping", factor, self._dofs),
-            "lights": lambda factor: self._scale("light_diffuse", factor, slice(None)),
-            "armature": lambda factor: self._scale("dof_armature", factor, self._dofs),
-            "dry_friction": lambda factor: self._scale("dof_frictionloss", factor, self._dofs),
-            "field_of_view": lambda factor: self._scale("cam_fovy", factor, self._camera),
-            "ambient": self._scale_ambient,
-            "textures": lambda factor: self._scale("mat_texrepeat", factor, slice(None)),
+        every = slice(None)
+        # What each factor multiplies: arrays, and where in them.
+        self._scaled: dict[str, list[tuple[Array, Any]]] = {  # Any: an index of NumPy
+            "friction": [(model.geom_friction, (every, 0))],
+            "mass": [(model.body_mass, bodies), (model.body_inertia, bodies)],
+            "gains": [(model.actuator_gainprm, (every, 0)), (model.actuator_biasprm, (every, 2))],
+            "damping": [(model.dof_damping, dofs)],
+            "lights": [(model.light_diffuse, every)],
+            "armature": [(model.dof_armature, dofs)],
+            "dry_friction": [(model.dof_frictionloss, dofs)],
+            "field_of_view": [(model.cam_fovy, self._camera)],
+            "ambient": [(model.vis.headlight.ambient, every)],
+            "textures": [(model.mat_texrepeat, every)],
         }
 
     def apply(self, values: Mapping[str, float], *, is_starting: bool = False) -> None:
@@ -397,24 +399,20 @@ class Variation:
             values: of the episode.
             is_starting: leave out the offsets of joints: initial angles are planned for an arm without them.
         """
-        for name, array in self._at_first.items():
-            getattr(self._model, name)[:] = array
-        self._model.vis.headlight.ambient[:] = self._ambient
+        for array, first in self._at_first:
+            array[:] = first
         for name, factor in values.items():
-            if name in self._appliers:
-                self._appliers[name](factor)
+            for array, where in self._scaled.get(name, ()):
+                array[where] *= factor
         self._apply_each(values, is_starting)
         if "camera" in values:
             self._model.cam_pos[self._camera] += values["camera"] * np.array([values[name] for name in _CAMERA])
         if "camera_turn" in values:
-            axis = np.array([values[name] for name in _AXIS])
-            turn = np.concatenate(
-                ((math.cos(values["camera_turn"] / 2.0),), math.sin(values["camera_turn"] / 2.0) * axis)
-            )
+            turn = _turn(np.array([values[name] for name in _AXIS]), values["camera_turn"])
             self._model.cam_quat[self._camera] = quaternion_product(self._model.cam_quat[self._camera], turn)
         if _BASE[0] in values:
             x, y, z, yaw = (values[name] for name in _BASE)
-            turn = np.array((math.cos(yaw / 2.0), 0.0, 0.0, math.sin(yaw / 2.0)))
+            turn = _turn(np.array((0.0, 0.0, 1.0)), yaw)
             self._model.body_pos[self._base] += x, y, z
             self._model.body_quat[self._base] = quaternion_product(turn, self._model.body_quat[self._base])
         mujoco.mj_setConst(self._model, self._scratch)
@@ -432,26 +430,21 @@ class Variation:
             model.body_inertia[self._links] *= factors[:, None]
         if has_offsets(values) and not is_starting:
             for joint, body, name in zip(self._joints, self._links, _EACH["joint_offsets"], strict=True):
-                half = values[name] / 2.0
-                turn = np.concatenate(((math.cos(half),), math.sin(half) * model.jnt_axis[joint]))
+                turn = _turn(model.jnt_axis[joint], values[name])
                 model.body_quat[body] = quaternion_product(model.body_quat[body], turn)
         if "colors" in values:
             shift = values["colors"] * np.array([values[name] for name in _COLOR])
             model.geom_rgba[self._colored, :3] = np.clip(model.geom_rgba[self._colored, :3] + shift, 0.0, 1.0)
 
-    def _scale_ambient(self, factor: float) -> None:
-        self._model.vis.headlight.ambient[:] *= factor
 
-    def _scale(self, name: str, factor: float, where: object) -> None:
-        getattr(self._model, name)[where] *= factor
+def _turn(axis: Array, angle: float) -> Array:
+    """The quaternion (4,) wxyz of a turn about a unit vector (3,) [rad]."""
+    return np.concatenate(((math.cos(angle / 2.0),), math.sin(angle / 2.0) * axis))
 
-    def _scale_mass(self, factor: float) -> None:
-        self._scale("body_mass", factor, self._free_bodies)
-        self._scale("body_inertia", factor, self._free_bodies)
 
-    def _scale_gains(self, factor: float) -> None:
-        self._scale("actuator_gainprm", factor, (slice(None), 0))
-        self._scale("actuator_biasprm", factor, (slice(None), 2))
+def _free_bodies(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Ids of the bodies that move freely."""
+    return np.asarray(model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE], dtype=np.intp)
 
 
 class Pushes:
@@ -464,9 +457,8 @@ class Pushes:
             model: the model, the joints of the arm first.
             dt: control step [s].
         """
-        free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
         links = model.jnt_bodyid[: len(_EACH["joint_offsets"])]
-        self._bodies = {ARM_PUSH: np.asarray(links, dtype=np.intp), PROP_PUSH: np.asarray(free, dtype=np.intp)}
+        self._bodies = {ARM_PUSH: np.asarray(links, dtype=np.intp), PROP_PUSH: _free_bodies(model)}
         self._dt = dt
 
     @property

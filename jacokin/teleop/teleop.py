@@ -40,8 +40,19 @@ from jacokin.motion.tracking.targets import JointTarget
 from jacokin.motion.tracking.tracker import STILL, Tracker
 from jacokin.motion.tracking.twist import moved
 from jacokin.motion.trajectory import MotionStatus, Trajectory
-from jacokin.teleop.hand import HandOptions, LowPass, Mapping, Play, SmoothedTarget, Witness, dead, near, read_hand
-from jacokin.teleop.workspace import AHEAD, checked_workspace
+from jacokin.teleop.hand import (
+    AHEAD,
+    HandOptions,
+    LowPass,
+    Mapping,
+    Play,
+    SmoothedTarget,
+    Witness,
+    checked_workspace,
+    dead,
+    near,
+    read_hand,
+)
 
 AUTO = "auto"
 SAME = 1e-12  # relative: a hand that repeats its pose moves the target by rounding only

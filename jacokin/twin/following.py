@@ -17,8 +17,7 @@ from scipy.interpolate import BPoly
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
-from jacokin.twin.arm import SimulatedArm
-from jacokin.twin.controller import ArmController, GoalStatus, TwinGoal
+from jacokin.twin.arm import ArmController, GoalStatus, SimulatedArm, TwinGoal
 from jacokin.twin.faults import TICK, Faults
 
 PATH_TOLERANCE, GOAL_TOLERANCE = -4, -5  # error codes of FollowJointTrajectory

@@ -26,8 +26,7 @@ from jacokin.model import checks
 from jacokin.model.angles import nearest_copy, wrap_to_pi
 from jacokin.model.poses import checked_pose
 from jacokin.motion.tracking.tracker import Tracker
-from jacokin.twin.arm import BRAKING, ArmState, SimulatedArm
-from jacokin.twin.controller import ArmController, GoalStatus, Record, TwinGoal
+from jacokin.twin.arm import BRAKING, ArmController, ArmState, GoalStatus, Record, SimulatedArm, TwinGoal
 from jacokin.twin.faults import TICK, Faults
 
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova_arm.cpp, cartesianVelocityWithFingersCallback)

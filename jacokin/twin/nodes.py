@@ -89,6 +89,15 @@ class Camera:
         number = names[checks.choice("camera", name, names)]
         return cls(physics, name, str(model.camera(number).name), size)
 
+    @property
+    def topic(self) -> str:
+        """Where its pictures are published."""
+        return f"/camera/{self.name}/image_raw"
+
+    def job(self, publisher: Any, kind: Any, now: Callable[[], Any]) -> tuple[float, Callable[[], None]]:  # Any: ROS's
+        """How often [s] and what for a ticker to do: publish a picture, as `message`."""
+        return self.period, lambda: publisher.publish(self.message(kind, now()))
+
     def message(self, kind: Any, stamp: Any) -> Any:  # Any: of a version of ROS
         """A picture of now as a sensor_msgs/Image.
 

@@ -19,8 +19,7 @@ import pinocchio as pin
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, needed
 from jacokin.model.poses import pose_from_kinova, pose_to_kinova
-from jacokin.twin.arm import ArmState
-from jacokin.twin.controller import GoalStatus, TwinGoal
+from jacokin.twin.arm import ArmState, GoalStatus, TwinGoal
 from jacokin.twin.faults import TICK
 from jacokin.twin.kinova import PERIOD, TURNS, KinovaDriver
 from jacokin.twin.nodes import Ticker
@@ -125,7 +124,7 @@ class Ros1Node:
                 importlib.import_module(used)
             from jacokin.twin import ros1_messages
         self._messages, control = ros1_messages.kinova_msgs(), ros1_messages.control_msgs()
-        self._driver, self._name, self._ticker, self._cameras = driver, name, ticker, cameras
+        self._driver, self._name, self._ticker = driver, name, ticker
         _check_master()
         rospy, node = self._rospy, f"/{name}_driver"
         self._is_clock = ticker.speed != 1.0
@@ -151,10 +150,10 @@ class Ros1Node:
         self._publishers = {
             topic: rospy.Publisher(f"{node}/out/{topic}", kind, queue_size=2) for topic, kind in self._outputs().items()
         }
-        self._pictures = {
-            camera.name: rospy.Publisher(f"/camera/{camera.name}/image_raw", self._sensors.Image, queue_size=1)
-            for camera in cameras
-        }
+        image = self._sensors.Image
+        self._pictures = [
+            camera.job(rospy.Publisher(camera.topic, image, queue_size=1), image, self._now) for camera in cameras
+        ]
         self._subscribe(node)
         self._serve(node)
         self._actions = self._act(node, control)
@@ -387,8 +386,8 @@ class Ros1Node:
             (self._period, self._publish),
             (0.04, watch),
             (PERIOD, self._look),
+            *self._pictures,
         ]
-        jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
         self._ticker.run(self._driver.tick, jobs, lives)
 
     def close(self) -> None:
@@ -475,9 +474,6 @@ class Ros1Node:
         # publishToolWrench of kinova_arm.cpp converts torques as if they were velocities.
         turns.x, turns.y, turns.z = np.radians(force[3:]).tolist()
         return message
-
-    def _picture(self, camera: Camera) -> None:
-        self._pictures[camera.name].publish(camera.message(self._sensors.Image, self._now()))
 
 
 def _numbers(message: Any, name: str, ends: Iterable[object]) -> Array:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from jacokin.errors import InvalidInputError, needed
-from jacokin.twin.controller import GoalStatus
+from jacokin.twin.arm import GoalStatus
 from jacokin.twin.faults import TICK
 from jacokin.twin.following import Tolerances, TrajectoryController
 from jacokin.twin.nodes import Ticker
@@ -54,7 +54,7 @@ class Ros2Node:
             self._numbers: Any = importlib.import_module("std_msgs.msg")
             self._follow: Any = importlib.import_module("control_msgs.action").FollowJointTrajectory
             self._goal_response, self._cancel_response = actions.GoalResponse, actions.CancelResponse
-        self._controller, self._ticker, self._cameras = controller, ticker, cameras
+        self._controller, self._ticker = controller, ticker
         fingers = range(1, len(controller.arm.state.fingers) + 1)
         self._names = [*controller.names, *(f"{name}_joint_finger_{finger}" for finger in fingers)]
         self._ended = threading.Event()
@@ -66,10 +66,10 @@ class Ros2Node:
             clocks: Any = importlib.import_module("rosgraph_msgs.msg")
             self._clock_type = clocks.Clock
             self._clock = node.create_publisher(clocks.Clock, "/clock", 10)
-        self._pictures = {
-            camera.name: node.create_publisher(self._sensors.Image, f"/camera/{camera.name}/image_raw", 1)
-            for camera in cameras
-        }
+        image = self._sensors.Image
+        self._pictures = [
+            camera.job(node.create_publisher(image, camera.topic, 1), image, self._now) for camera in cameras
+        ]
         arrays = self._numbers.Float64MultiArray
         node.create_subscription(arrays, "/forward_velocity_controller/commands", self._take(controller.velocity), 10)
         node.create_subscription(arrays, "/finger_controller/commands", self._take(controller.move_fingers), 10)
@@ -134,8 +134,7 @@ class Ros2Node:
             goes_on: whether to go on.
         """
         # [s] joint_state_broadcaster publishes at the rate of the controllers.
-        jobs: list[tuple[float, Callable[[], None]]] = [(0.01, self._publish), (0.04, watch)]
-        jobs += [(camera.period, lambda camera=camera: self._picture(camera)) for camera in self._cameras]  # type: ignore[misc]
+        jobs = [(0.01, self._publish), (0.04, watch), *self._pictures]
         self._ticker.run(self._controller.tick, jobs, goes_on)
 
     def close(self) -> None:
@@ -169,9 +168,6 @@ class Ros2Node:
         )
         message.header.stamp = now
         self._states.publish(message)
-
-    def _picture(self, camera: Camera) -> None:
-        self._pictures[camera.name].publish(camera.message(self._sensors.Image, self._now()))
 
 
 def _parts(goal: Any) -> tuple[Any, ...]:

@@ -5,8 +5,7 @@ Everything public is imported from here. Read `view` first.
 view, inspector       what to show for a target, as data, and how it is found
 texts, paste          what a view says in words; text to paste, which is tried first
 drawing               meshes of the arm and of obstacles
-playback              trajectories that are played
-serving, contents     `serve`, and `show`, which results call; what a page offers, slices of a map among it
+serving, contents     `serve`, and `show`, which results call; what a page offers, trajectories that are played, slices
 viewer                the running viewer, between pages and inspector
 browser               the only part that imports viser: scene, panel and the guarded web server
 """

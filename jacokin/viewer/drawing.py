@@ -20,7 +20,7 @@ from jacokin.model.descriptions import mjcf
 from jacokin.model.descriptions.meshes import TriangleMesh, find_mesh, hull_of, read_mesh_file
 from jacokin.model.descriptions.shapes import mesh_scale
 from jacokin.model.descriptions.urdf import origin_of
-from jacokin.model.mujoco_twin import compile_spec, to_spec
+from jacokin.model.mujoco_twin import compile_spec, rgba_of, to_spec
 from jacokin.model.point_cloud import PointCloud
 from jacokin.model.robot import Robot
 from jacokin.model.scene import Scene
@@ -237,13 +237,6 @@ def to_colour(rgba: Array) -> Colour:
     """Red, green and blue from 0 to 255, from (4,) in 0..1."""
     red, green, blue = (round(255.0 * min(max(value, 0.0), 1.0)) for value in rgba[:3].tolist())
     return red, green, blue
-
-
-def rgba_of(model: mujoco.MjModel, number: int, kind: str = "geom") -> Array:
-    """(4,) the colour of a geom or a site in 0..1."""
-    material = int(getattr(model, f"{kind}_matid")[number])
-    rgba = getattr(model, f"{kind}_rgba")[number] if material < 0 else model.mat_rgba[material]
-    return np.array(rgba, dtype=np.float64)
 
 
 def by_colour(pieces: list[ColouredMesh]) -> tuple[ColouredMesh, ...]:

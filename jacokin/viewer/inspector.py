@@ -27,7 +27,7 @@ from jacokin.viewer.view import Free, ShownPlaces, View
 if TYPE_CHECKING:
     from jacokin.ik.solutions.solution_set import SolutionSet
     from jacokin.motion.tracking.steps import TrackerStep  # loads MuJoCo
-    from jacokin.viewer.playback import Playback
+    from jacokin.viewer.contents import Playback
 
 MEMBERS = 12  # least number of postures drawn along curves
 FULL_TURN = (-math.pi, math.pi)  # [rad]

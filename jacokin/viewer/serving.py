@@ -27,10 +27,9 @@ from jacokin.model.robot import Robot, fingerprint, velocity_limits
 from jacokin.model.scene import Scene, checked_scene
 from jacokin.reachability import ReachabilityMap, bundled, load
 from jacokin.showing import has_display
-from jacokin.viewer.contents import Contents, MapSlices, Setup
+from jacokin.viewer.contents import Contents, MapSlices, Playback, Setup
 from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals
 from jacokin.viewer.inspector import FULL_TURN, Inspector
-from jacokin.viewer.playback import Playback
 from jacokin.viewer.view import View
 from jacokin.viewer.viewer import Viewer
 

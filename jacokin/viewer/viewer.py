@@ -25,10 +25,9 @@ from jacokin.motion.tracking.steps import TrackerStep
 from jacokin.motion.tracking.tracker import Tracker
 from jacokin.motion.trajectory import MotionStatus, Trajectory
 from jacokin.viewer import paste
-from jacokin.viewer.contents import Contents
+from jacokin.viewer.contents import Contents, Playback
 from jacokin.viewer.drawing import ArmPart, load_parts
 from jacokin.viewer.inspector import Inspector
-from jacokin.viewer.playback import Playback
 from jacokin.viewer.texts import REACHED
 from jacokin.viewer.view import View
 
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     import viser
 
     from jacokin.teleop import Controller, TeleopStep
-    from jacokin.viewer.browser.hand import HandControls
+    from jacokin.viewer.browser.panel import HandControls
 
 AIMED = {"target", "shown", "typed", "axis", "range", "prefer"}  # what changes the target
 PERIOD = 0.02  # [s] from one picture to the next of what moves by itself
@@ -52,9 +51,8 @@ class Viewer:
 
     def __init__(self, inspector: Inspector, start: View, contents: Contents, *, host: str, port: int) -> None:
         """Start the server and the thread that answers pages; users call `serve`."""
-        from jacokin.viewer.browser import hand, server
+        from jacokin.viewer.browser import panel, server
         from jacokin.viewer.browser.controls import posting
-        from jacokin.viewer.browser.panel import Panel
         from jacokin.viewer.browser.stage import Stage
 
         self._inspector = inspector
@@ -75,9 +73,9 @@ class Viewer:
         self._start = start.q  # of the next motion
         self._goal = self._asked = start.target
         self._server, self._url = server.start(host, port, inspector.robot.label)
-        self._server.add_script(hand.SCRIPT, hand.read_script())
+        self._server.add_script(panel.HAND_SCRIPT, panel.read_hand_script())
         self._stage = Stage(self._server, inspector, self._parts(contents.dressed), contents)
-        self._panel = Panel(self._server, inspector, self._inbox.post, contents)
+        self._panel = panel.Panel(self._server, inspector, self._inbox.post, contents)
         self._player = self._panel.player
         self._stage.gizmo.on_update(posting(self._inbox.post, "target"))
         self._show(start)
@@ -127,7 +125,7 @@ class Viewer:
         a controller of its own, and the one before hears nothing more.
         """
         from jacokin.teleop import Controller
-        from jacokin.viewer.browser.hand import HandControls
+        from jacokin.viewer.browser.panel import HandControls
 
         controller = Controller()
         if self._hand is not None:

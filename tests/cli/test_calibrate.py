@@ -87,11 +87,11 @@ def test_what_is_refused(run: Run, robot: Robot, tmp_path: Path) -> None:
         (("/dev/zero", "--sigma", "0.001"), "is a device: give a file or a pipe"),
         ((str(path), "--sigma", "0.001", "--output", str(path)), "it would be lost"),
         ((str(path), "--sigma", "0.001", "--output", str(tmp_path / "none" / ".." / path.name)), "it would be lost"),
-        ((str(path), "--sigma-angle", "0.001"), "--sigma-angle needs --sigma"),
+        ((str(path), "--sigma-angle", "0.001"), "--sigma-angle goes with --sigma"),
         ((str(path), "--sigma", "-1"), "sigma must be positive"),
         ((str(path), "--sigma", "0.001", "--contact", "line"), "unknown contact 'line'"),
         ((str(path), "--sigma", "0.001", "--estimate", "all"), "Valid: geometry, offset, scale, compliance"),
-        (("plan", "--lower", "0", "0", "0"), "--lower and --upper go together"),
+        (("plan", "--lower", "0", "0", "0"), "--lower goes with --upper"),
     ]:
         assert sentence in run("calibrate", *words, code=2).err
 

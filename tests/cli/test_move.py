@@ -103,7 +103,7 @@ def test_degrees_in_place_of_radians_are_noted(run: Run) -> None:
     ("words", "message"),
     [
         ((), "exactly one of --to and a pose"),
-        (("--to", "1", "2", "--position", "0", "0", "0"), "exactly one of --to and a pose"),
+        (("--to", "1", "2", "--position", "0", "0", "0"), "--position does not go with --to"),
         (("--to", "1", "2"), "--to must be 6 numbers, got 2"),
         (("--position", "0.3", "-0.2", "0.5", "--output", "motion.txt"), "--output must end in"),
         (("--position", "0.3", "-0.2", "0.5", "--time-limit", "0"), "--time-limit must be"),

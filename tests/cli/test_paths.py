@@ -37,7 +37,7 @@ PLAN = (
     (("--free-axis", "1 0"), "--free-axis must be x, y, z or three numbers"),
     (("--free-axis", "w"), "--free-axis must be x, y, z or three numbers"),
     (("--free-axis", "x", "--free-range", "1", "-1"), "--free-range must be (least, largest)"),
-    (("--free-range", "1", "2"), "--free-range needs --free-axis"),
+    (("--free-range", "1", "2"), "--free-range goes with --free-axis"),
     (("--timing", "fast"), "Valid: keep, slow"),
     (("--acceleration-limit", "2"), "needs --timing"),
     (("--clearance", "-1"), "--clearance must be"),

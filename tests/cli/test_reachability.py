@@ -43,7 +43,7 @@ def test_a_map_is_built_in_shards_asked_and_drawn(run: Run, tmp_path: Path) -> N
     ("words", "message"),
     [
         (("map", "build", "x", "--spacing", "1e-5"), "cells"),
-        (("map", "build", "x", "--lower", "0", "0", "0"), "--lower and --upper go together"),
+        (("map", "build", "x", "--lower", "0", "0", "0"), "--lower goes with --upper"),
         (("map", "build", "x", "--shard", "3/2"), "--shard must be 'i/n'"),
         (("map", "build", "x", "--free-axis", "0 0 0"), "--free-axis must have a direction"),
         (("map", "build", "x", "--free-axis", "up"), "--free-axis"),

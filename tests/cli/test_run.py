@@ -161,7 +161,7 @@ def test_the_forwarder_is_written_once_and_is_of_python_3_8(run: Run, tmp_path: 
         (("m.csv", "--live", "--twin"), "a file, or --live"),
         (("m.csv",), "--ros, --forwarder and --twin"),
         (("m.csv", "--twin", "--ros", "1"), "--ros, --forwarder and --twin"),
-        (("m.csv", "--ros", "1", "--faults", "lag=1"), "--faults are for --twin"),
+        (("m.csv", "--ros", "1", "--faults", "lag=1"), "--faults goes with --twin"),
         (("m.csv", "--twin", "--faults", "delay"), "lag, loss, stall"),
         (("m.csv", "--twin", "--robot", "j2s7s300"), "j2s7s300"),
         (("m.csv", "--twin", "--fingers", "2"), "2"),

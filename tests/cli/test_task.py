@@ -187,11 +187,11 @@ def test_a_window_without_a_display_is_a_sentence(run: Run) -> None:
         (("reach_site", "--render", "--record", "a.mp4"), "give one of --render and --record with a video"),
         (("reach_site", "--episodes", "0"), "--episodes"),
         (("reach_site", "--seed", "-1"), "--seed"),
-        (("reach_site", "--noise", "0.1"), "give --expert too"),
+        (("reach_site", "--noise", "0.1"), "--noise goes with --expert"),
         (("reach_site", "--control", "tool_velocty"), "unknown control 'tool_velocty'. Did you mean 'tool_velocity'"),
         (("reach_site", "--expert", "--control", "joints"), "unknown control 'joints'"),
         (("replay", "demos.hdf5", "--control", "tool_pose"), "--control is that of the data set"),
-        (("reach_site", "--mistakes", "1"), "give --expert too"),
+        (("reach_site", "--mistakes", "1"), "--mistakes goes with --expert"),
         (("reach_site", "--expert", "--noise", "nan"), "noise must be finite"),
     ],
 )

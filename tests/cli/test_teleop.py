@@ -145,7 +145,7 @@ def test_the_props_of_a_task_are_drawn_where_they_are(task: str) -> None:
     import viser
 
     from jacokin.tasks import TaskEnv
-    from jacokin.viewer.browser.props import Props
+    from jacokin.viewer.browser.stage import Props
 
     drawn = dict[str, SimpleNamespace]()
 
@@ -276,18 +276,18 @@ def test_seconds_count_from_when_somebody_has_opened_the_page() -> None:
         (("--acceleration-limit", "-1"), "--acceleration-limit must be"),
         (("--view", "--port", "70000"), "--port must be"),
         (("--output", "demos.lerobot"), "a data set of a task is --record demos.lerobot --task NAME"),
-        (("--record", "demos.lerobot"), "give --task too"),
+        (("--record", "demos.lerobot"), "--record goes with --task"),
         (("--task", "lift_brick", "--record", "demos.csv"), "--record must end in .hdf5, .minari, .lerobot"),
-        (("--task", "lift_brick", "--record", "d.hdf5", "--seconds", "3"), "leave out --seconds"),
+        (("--task", "lift_brick", "--record", "d.hdf5", "--seconds", "3"), "--record does not go with --seconds"),
         (("--task", "lift_brick", "--record", "no/d.hdf5"), "there is no folder"),
         (("--task", "lift_brick", "--record", "d.hdf5", "--camera", "wrst"), "Did you mean 'wrist'"),
         (("--task", "lift_brick", "--record", "d.hdf5", "--camera", "wrist=96"), "--camera must be NAME or"),
         (("--task", "lift_brick", "--record", "d.hdf5", "--episodes", "0"), "'--episodes': 0 is not in the range"),
         (("--task", "lift_brick", "--record", "d.hdf5", "--device", "keyboard"), "--device keyboard needs a terminal"),
-        (("--camera", "wrist"), "--pace are for --record"),
+        (("--camera", "wrist"), "--camera goes with --record"),
         (("--velocity-limit", "1", "2"), "--velocity-limit must be one number or 6, got 2"),
         (("--velocity-limit", "0"), "--velocity-limit must be"),
-        (("--render",), "--render shows the simulation of a task"),
+        (("--render",), "--render goes with --task"),
     ],
 )
 def test_what_is_refused(run: Run, words: tuple[str, ...], message: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jacokin.model import Robot
-from jacokin.runner.standing import Standing
+from jacokin.runner.measuring import Standing
 
 
 def judged(

@@ -19,8 +19,9 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.ik import Floor, PointCloud, Scene
 from jacokin.model import NAMES, to_mujoco, urdf_folder
+from jacokin.model.mujoco_twin import rgba_of
 from jacokin.viewer import Inspector, ViewerOptions, drawing, serve
-from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals, read_geom, read_site, rgba_of, to_colour
+from jacokin.viewer.drawing import ArmPart, load_parts, load_visuals, read_geom, read_site, to_colour
 from tests.robot_files import load_text, ur5_text
 from tests.viewer.page import Page, opened, until
 

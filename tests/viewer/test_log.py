@@ -12,7 +12,7 @@ from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.logs import Log
 from jacokin.viewer import serve
-from jacokin.viewer.playback import Playback
+from jacokin.viewer.contents import Playback
 from tests.cli.run import leave
 from tests.logs.recordings import joint_angles, joint_state, names_of, write
 from tests.viewer.page import opened, until
@@ -85,8 +85,8 @@ def test_a_recording_of_another_arm_is_refused(path: Path, robot: Robot, tmp_pat
         (["--log", "PATH", "--joints-topic", "/joints"], "unknown topic '/joints'"),
         (["--log", "PATH", "--commanded-topic", "/command"], "unknown topic '/command'"),
         (["--log", "PATH", "--joint-prefix", "left_"], "'left_' before their names"),
-        (["--log", "PATH", "--trajectory", "PATH"], "--log and --trajectory exclude each other"),
-        (["--joints-topic", "/joint_states"], "are for --log"),
+        (["--log", "PATH", "--trajectory", "PATH"], "--trajectory does not go with --log"),
+        (["--joints-topic", "/joint_states"], "goes with --log"),
     ],
 )
 def test_wrong_options_are_one_sentence(

@@ -12,7 +12,7 @@ import pytest
 from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.motion import move_joints
-from jacokin.viewer.playback import Playback
+from jacokin.viewer.contents import Playback
 from tests.viewer.trajectories import recorded
 
 

@@ -43,7 +43,6 @@ _NEEDED = (
     "needed: targets (n, 4, 4) or (n, 3); or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
     "or an array (n,) for each column of a CSV file"
 )
-STATUSES = tuple(status.name for status in Status)
 NUMBERS = {status: number for number, status in enumerate(Status)}
 METHODS = ("closed_form", "qp", "")
 #: Arrays of an archive of answers that are no columns of other formats, and of targets: no names for what is carried.
@@ -242,7 +241,7 @@ def write_joined(
                 np.lib.format.write_array_header_1_0(stream, {**header, "fortran_order": False})
                 for piece in paths:
                     stream.write(np.ascontiguousarray(_array(piece, name), dtype=dtype).tobytes())
-        for name, texts in (("status_names", STATUSES), ("method_names", METHODS)):
+        for name, texts in (("status_names", tuple(status.name for status in Status)), ("method_names", METHODS)):
             with _entry(out, f"{name}.npy") as stream:
                 np.lib.format.write_array(stream, np.array(texts), allow_pickle=False)
 

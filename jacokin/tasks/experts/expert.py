@@ -15,10 +15,9 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.tasks import registry
 from jacokin.tasks.experts import grasps
+from jacokin.tasks.experts.bricks import IN_CRADLE, ON_BRICK, place, reassemble, stack
 from jacokin.tasks.experts.driver import BRICK, CLOSE, CLOSED, OPEN, RELEASE, SQUEEZE, ArmDriver, Script, shift, up
 from jacokin.tasks.experts.grasps import point_down
-from jacokin.tasks.experts.place import IN_CRADLE, ON_BRICK, place
-from jacokin.tasks.experts.stack import reassemble, stack
 from jacokin.tasks.gym.controls import FINGERS, FRAME
 from jacokin.tasks.registry import FEATURES, TASKS
 from jacokin.tasks.task import CONTROL_TIMESTEP

@@ -16,10 +16,9 @@ from jacokin.ik.options import COLLISION
 from jacokin.model import checks, poses
 from jacokin.model.robot import Robot
 from jacokin.viewer import texts
-from jacokin.viewer.contents import COLOURS, MapSlices, Setup
+from jacokin.viewer.contents import COLOURS, SPEEDS, MapSlices, Playback, Setup
 from jacokin.viewer.drawing import Triangles
 from jacokin.viewer.inspector import FULL_TURN, Inspector
-from jacokin.viewer.playback import SPEEDS, Playback
 from jacokin.viewer.view import Free
 
 AXES: tuple[str, ...] = ("none", "x", "y", "z")

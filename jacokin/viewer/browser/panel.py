@@ -1,10 +1,16 @@
-"""The panel beside the scene: status, branches, joints, text to paste, and obstacles that pages add."""
+"""The panel beside the scene: status, branches, joints, text to paste, and obstacles that pages add.
+
+A hand that leads the arm uses the keys and the gamepad of a page, a clutch, and buttons.
+"""
 
 from __future__ import annotations
 
 import html
+import json
 import math
+from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import parse_qs
 
 import numpy as np
 import viser
@@ -15,6 +21,8 @@ from jacokin.ik.preferences import PREFERENCES
 from jacokin.model import checks
 from jacokin.model.obstacles import Box, Cylinder, Obstacle, Sphere
 from jacokin.model.scene import Scene
+from jacokin.teleop import Controller, TeleopStatus, TeleopStep
+from jacokin.teleop.devices import CLUTCH_KEY, COMMAND_KEYS, FINGER_KEYS, KEYS
 from jacokin.viewer import texts
 from jacokin.viewer.browser.controls import (
     FreeControls,
@@ -28,10 +36,12 @@ from jacokin.viewer.browser.controls import (
     set_value,
     watch,
 )
+from jacokin.viewer.browser.server import OWN_HEADER, Server
 from jacokin.viewer.contents import Contents
 from jacokin.viewer.inspector import Inspector
 from jacokin.viewer.view import View
 
+LINE = '<div style="font-size:0.8em;padding:0 0.75em">'
 # Labels that can be read, numbers that are not cut, and on narrow windows the panel below the scene and not over it.
 STYLE = """<style>
 :root[data-mantine-color-scheme="light"] { --mantine-color-dimmed: #495057; }
@@ -97,7 +107,7 @@ class Panel:
         add_box("visuals", "Visual meshes", contents.dressed and has_visuals, hint, disabled=not has_visuals)
         add_box("degrees", "Degrees", False, "Joints and their margins in degrees, not radians")
         if contents.note:
-            gui.add_html(f'<div style="font-size:0.8em;padding:0 0.75em">{html.escape(contents.note)}</div>')
+            gui.add_html(f"{LINE}{html.escape(contents.note)}</div>")
         add_box("track", "Track", False, "Follow the gizmo at 100 Hz within the velocity limits")
         self._go = gui.add_button("Go", hint="G: move from the start to what is shown, around what is in the way")
         self._go.on_click(posting(post, "go"))
@@ -120,7 +130,7 @@ class Panel:
         self._status.content = texts.status_html(self._inspector, view, degrees=self.wants("degrees"))
         if "datasheet" in self._boxes:
             line = html.escape(texts.datasheet(self._inspector, view))
-            self._away.content = f'<div style="font-size:0.8em;padding:0 0.75em">{line}</div>'
+            self._away.content = f"{LINE}{line}</div>"
         count = len(view.branches)
         self._branch.visible = count > 1
         self._branch.max = max(count, 2)
@@ -330,3 +340,77 @@ def on_floor(origin: Array, direction: Array) -> Array:
 def _rounded(values: Array) -> tuple[float, float, float]:
     x, y, z = (round(float(value), 4) for value in values)
     return x, y, z
+
+
+HAND_PATH = "/hand"
+REPORT_PERIOD = 40  # [ms] from one report of the page to the next
+MOST_REPORTED = 2000  # characters of a report
+HAND_HELP = f"""{LINE}
+Click into the scene, then hold keys: w s, a d, r f move along x, y, z; j l, i k, u o turn about them;
+g and h close and open the fingers; the space bar works the clutch. Where episodes are recorded, b begins one, e ends
+it, y keeps it, x throws it away. A gamepad is read as soon as one of its buttons was
+pressed. Only a page in front leads.</div>"""
+
+HAND_SCRIPT = "/hand.js"  # beside this file; every page loads it
+HAND_MARK = {
+    "keys": sorted({*KEYS, *FINGER_KEYS, *COMMAND_KEYS, CLUTCH_KEY}),
+    "path": HAND_PATH,
+    "header": OWN_HEADER,
+    "period": REPORT_PERIOD,
+}
+
+
+def read_hand_script() -> str:
+    """The script of pages that lead."""
+    return Path(__file__).with_name("hand.js").read_text(encoding="utf-8")
+
+
+class HandControls:
+    """The folder "Hand" of the panel, and what its page reports to a controller."""
+
+    def __init__(self, server: Server, controller: Controller) -> None:
+        """Add the controls; from now on pages lead."""
+        gui, self._controller = server.gui, controller
+        self._folder = gui.add_folder("Hand", order=-1.0)
+        with self._folder:
+            self._line = gui.add_html("")
+            gui.add_button("Clutch", hint="Follow the hand, or stay").on_click(lambda _: controller.toggle())
+            gui.add_button("End", hint="Brake, and end the session").on_click(self._end)
+            gui.add_html(HAND_HELP)
+            gui.add_html(f'<div data-jacokin-hand="{html.escape(json.dumps(HAND_MARK))}"></div>')
+        server.listen(HAND_PATH, self._hear)
+
+    def show(self, step: TeleopStep) -> None:
+        """Say what a tick did."""
+        said = step.status.name.replace("_", " ").capitalize()
+        if step.status is not TeleopStatus.FOLLOWING:
+            said += f": {step.message or step.status.value}"
+        self._line.content = f"{LINE}{html.escape(said)}</div>"
+
+    def remove(self) -> None:
+        """Take the controls away."""
+        self._folder.remove()
+
+    def _end(self, event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+        self._controller.ended = True
+
+    def _hear(self, query: str) -> None:
+        """Take a report of a page.
+
+        Raises:
+            InvalidInputError: it is malformed.
+        """
+        if len(query) > MOST_REPORTED:
+            raise InvalidInputError(
+                f"a report of a page must have at most {MOST_REPORTED} characters, got {len(query)}"
+            )
+        given = parse_qs(query)
+        keys, axes, buttons = (" ".join(given.get(name, [])).split() for name in ("keys", "axes", "buttons"))
+        self._controller.report(keys, _report_numbers("axes", axes), _report_numbers("buttons", buttons))
+
+
+def _report_numbers(name: str, words: list[str]) -> list[float]:
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        raise InvalidInputError(f"{name} must be numbers, got {checks.shown(words)}") from None
