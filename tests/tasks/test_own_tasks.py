@@ -328,6 +328,7 @@ def observing(*observables: Feature) -> Task:
     return Task(props=[ball], success=lambda state: state["ball/position"][..., 2] > 0.3, observables=observables)
 
 
+@pytest.mark.usefixtures("own_tasks")
 @pytest.mark.parametrize("flatten", [False, True])
 def test_an_observation_of_another_shape_is_refused(flatten: bool) -> None:
     jacokin.tasks.register(observing(Feature("q", (3,), lambda view, goal: view.qpos[..., :1])), id="mine/Odd-v0")
