@@ -126,17 +126,18 @@ def solve_set(work: SetWork) -> int:
     Returns:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
-    wrong = find_curves(work, math.isnan(work.near.seed[0]))
-    if work.pieces.size[1] == 0 and not math.isnan(work.near.seed[0]) and work.near.slack[0] == 0.0:
-        wrong = find_curves(work, True)
+    wrong, whole = find_curves(work, math.isnan(work.near.seed[0]))
+    if work.pieces.size[1] == 0 and not whole and work.near.slack[0] == 0.0:
+        wrong, _ = find_curves(work, True)
     return wrong
 
 
-def find_curves(work: SetWork, whole: bool) -> int:
+def find_curves(work: SetWork, whole: bool) -> tuple[int, bool]:
     """Fill loops and pieces with the whole set, or with curves on which the solution nearest to the seed may be.
 
     Returns:
-        How many things went wrong, or were not looked at, so that parts may be missing; 0 for none.
+        How many things went wrong, or were not looked at, so that parts may be missing; 0 for none. And whether the
+        whole set was looked for: a window all round is that, too.
     """
     kind, slices, loops = int(work.options[SetOption.KIND]), work.slices, work.loops
     slices.size[0] = 0
@@ -148,16 +149,18 @@ def find_curves(work: SetWork, whole: bool) -> int:
     if kind != NO_SLICES and (whole or on_one_axis or not add_near_seed(work)):
         if work.near.slack[0] > 0.0:
             work.pieces.size[1] = 0
-            return 1
+            return 1, False
         if on_one_axis:
             doubts += add_turns(kind, work.pieces.limits, slices, loops, work.six, work.seven, work.walk)
+            whole = True
         elif kind == JOINT_3:
             doubts += slice_between_folds(work)
             trace(slices, loops, work.walk)
+            whole = True
         else:
             fit_window(work, whole)
             doubts += slice_by_roots(work)
-            by_roots = True
+            by_roots, whole = True, loops.window[1] == math.inf
     for n in range(work.starts.shape[0]):
         if bring_to_curve(work.starts[n], work.newton, work.walk):
             doubts += not add_start(slices, work.walk.z)
@@ -170,7 +173,7 @@ def find_curves(work: SetWork, whole: bool) -> int:
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
             wrong += slices.passed[i, k] != 1 and not math.isnan(slices.p[i])
-    return int(wrong)
+    return int(wrong), whole
 
 
 def fit_window(work: SetWork, whole: bool) -> None:
