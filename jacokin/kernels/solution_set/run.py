@@ -35,6 +35,7 @@ from jacokin.kernels.solution_set.near_seed import (
     NearSeed,
     Parts,
     add_chords,
+    follow_arcs,
     make_near_seed,
     offer_row,
     offer_settled,
@@ -173,6 +174,8 @@ def find_curves(work: SetWork, whole: bool) -> tuple[int, bool]:
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
             wrong += slices.passed[i, k] != 1 and not math.isnan(slices.p[i])
+    if wrong > 0 and work.near.slack[0] > 0.0:
+        work.pieces.size[1] = 0
     return int(wrong), whole
 
 
@@ -232,7 +235,9 @@ def is_in_window(window: Array, p: float) -> bool:
 def add_near_seed(work: SetWork) -> bool:
     """Enter chords near to the seed as curves, where folds are known beforehand; False, and none, where they are not.
 
-    The solution that the seed leads to is a start where none that was looked at is nearer.
+    The solution that the seed leads to is a start where none that was looked at is nearer. Where an arm is not as near
+    to its structure as expected, whole curves are followed instead, from what the structure's configurations lead to;
+    not where the seed leads to none, beside what is singular in several ways.
     """
     kind, joints = int(work.options[SetOption.KIND]), int(work.options[SetOption.JOINTS])
     loops, near, slices, seven, roots = work.loops, work.near, work.slices, work.seven, work.islands.roots
@@ -244,7 +249,7 @@ def add_near_seed(work: SetWork) -> bool:
         count, single = find_wrist_folds(work.six, rounding, seven.waves, roots, seven.folds)
     else:
         return False
-    if not single:
+    if not single and (near.slack[0] == 0.0 or count == seven.folds.shape[0]):
         return False
     parts = Parts(kind, joints, work.six, seven, work.walk, work.newton)
     cosine = start_from_seed(work)
@@ -256,7 +261,10 @@ def add_near_seed(work: SetWork) -> bool:
     for row in range(MOST_ROWS):
         known = known and offer_settled(seven.rows[row], parts, near)
     loops.window[1] = half_width(near.best[0] + near.slack[0] + BEYOND, joints, cosine)
-    found = known and add_chords(work.pieces.limits, parts, count, near, loops)
+    found = single and known and add_chords(work.pieces.limits, parts, count, near, loops)
+    if not found and near.slack[0] > 0.0:
+        loops.size[0], loops.size[1] = 0, 0
+        return slices.size[0] > 0 and follow_arcs(parts, count, near, loops, slices)
     if not (found and near.best[0] == led < math.inf):
         slices.size[0] = 0
     if not found:
