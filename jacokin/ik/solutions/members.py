@@ -76,6 +76,10 @@ class CurveTrack:
         places, points = _spread([self])
         return places, self._joints(points)
 
+    def configurations(self, coordinates: Array) -> Array:
+        """(m, dof) at coordinates (m,), as exact as those of `guesses`."""
+        return self._joints(_points_at(self.nodes, coordinates))
+
     def polyline(self) -> tuple[Array, Array]:
         """Values of the parameter (m,) in order, and configurations there (m, dof), as exact as those of `guesses`."""
         return polylines([self])[:2]

@@ -39,6 +39,9 @@ TRIED_STANDING, AT_ONCE = 16, 64
 #: Along a track, minima among the guesses at most at which it is looked at exactly; and [rad] by how much less an angle
 #: may be beyond its limit between two guesses: half the way, but for what the guesses are inexact and the way is bent.
 LOOKED_AT, LESS_BETWEEN = 3, 0.6 * GUESS_SPACING
+#: Times as near to each other as guesses are places next to the least ones that are looked at by the same cubics, and
+#: [rad] how inexact those are.
+CLOSER, INEXACT = 8, 2e-4
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -330,9 +333,18 @@ def _find_least_excess(tracks: Sequence[CurveTrack], robot: Robot) -> LimitExces
         coordinates, rows = track.guesses()
         values = worst(rows)
         looks += [(float(values[n]), track, coordinates, n) for n in minima(values)[:LOOKED_AT].tolist()]
-    best: tuple[float, CurveTrack, float] | None = None
+    likely, closer = math.inf, list[tuple[float, CurveTrack, Array, int]]()
     for guessed, track, coordinates, n in sorted(looks, key=value):
-        if best is not None and max(guessed - LESS_BETWEEN, 0.0) >= best[0]:
+        if max(guessed - LESS_BETWEEN, 0.0) >= likely:
+            break
+        low, high = coordinates[[max(n - 1, 0), min(n + 1, len(coordinates) - 1)]].tolist()
+        places = np.linspace(low, high, 2 * CLOSER + 1)
+        values = worst(track.configurations(places))
+        closer.append((float(values.min()), track, places, int(values.argmin())))
+        likely = min(likely, closer[-1][0])
+    best: tuple[float, CurveTrack, float] | None = None
+    for guessed, track, coordinates, n in sorted(closer, key=value):
+        if best is not None and max(guessed - LESS_BETWEEN / CLOSER - INEXACT, 0.0) >= best[0]:
             break
         least, coordinate = refine(worst, coordinates, n, track.configuration)
         if best is None or least < best[0]:

@@ -116,7 +116,7 @@ def find_wrist_folds(six: SixJoints, rounding: float, waves: Array, roots: RootW
     return count, single and alone and three > 0.0 and two > 0.0
 
 
-def solve_wrist_rows(six: SixJoints, kind: int, p: float, low: int, high: int, rows: Array) -> None:
+def solve_wrist_rows(six: SixJoints, kind: int, p: float, low: int, high: int, rows: Array, missed: float) -> None:
     """Fill rows low to high - 1 with the configurations at a value of the parameter.
 
     Args:
@@ -126,6 +126,7 @@ def solve_wrist_rows(six: SixJoints, kind: int, p: float, low: int, high: int, r
         low: first row, of 4 a + 2 b + c with signs a, b, c.
         high: row after the last one.
         rows: (8, 7) filled; NaN in the first column where there is none.
+        missed: share of its reach by which a joint may miss its equation, to stand where it misses it least.
     """
     for i in range(low, high):
         rows[i, 0] = math.nan
@@ -135,7 +136,7 @@ def solve_wrist_rows(six: SixJoints, kind: int, p: float, low: int, high: int, r
     rest = combined(reach.distance, along_v, reach.height, -along_u)
     coordinate = combined(reach.distance, along_u / square, reach.height, along_v / square)
     r3 = math.sqrt(rest[1] * rest[1] + rest[2] * rest[2])
-    if not abs(rest[0]) <= r3 * (1.0 + ROUNDING) or r3 == 0.0:
+    if not abs(rest[0]) <= r3 * (1.0 + missed) or r3 == 0.0:
         return
     middle3, half3 = angle_of(rest[2], rest[1]), half_between(-rest[0], r3)
     for i in range(2):
@@ -146,7 +147,7 @@ def solve_wrist_rows(six: SixJoints, kind: int, p: float, low: int, high: int, r
         f = (at_turn(reach, 0, c3, s3), at_turn(reach, 1, c3, s3), at_turn(reach, 2, c3, s3))
         a, b, c = f[0] * ex + f[1] * ey, f[0] * ey - f[1] * ex, at(coordinate, c3, s3)
         r2 = math.sqrt(a * a + b * b)
-        if not abs(c) <= r2 * (1.0 + ROUNDING) or r2 == 0.0:
+        if not abs(c) <= r2 * (1.0 + missed) or r2 == 0.0:
             continue
         middle2, half2 = angle_of(b, a), half_between(c, r2)
         for k in range(2):

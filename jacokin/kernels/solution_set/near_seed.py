@@ -7,8 +7,9 @@ less than the middle of the whole was beside the line between its ends. Next to 
 the parameter is the cosine.
 
 An arm that nearly has such a structure, as one whose wrist's axes miss each other by a part of a millimetre, is
-searched as the arm that has it. Its configurations lead to those of the arm itself, by the least steps; where one is
-farther away than expected, or does not, nothing is known.
+searched as the arm that has it. Its configurations lead to those of the arm itself, by the least steps. Where one is
+farther away than expected, as next to where curves all but meet, or folds may be elsewhere, the arm's own curves are
+followed, from what its configurations between each two folds lead to; where one is lost, nothing is known.
 """
 
 from __future__ import annotations
@@ -26,16 +27,18 @@ from jacokin.kernels.solution_set.curve import (
     LARGEST_RESIDUAL,
     LEAST_COSINE,
     LONGEST_STEP,
+    RESIDUAL,
     RESOLUTION,
     Walk,
     tangent,
+    to_curve,
     wrapped,
 )
 from jacokin.kernels.solution_set.end_wrist import solve_wrist_rows
-from jacokin.kernels.solution_set.seven_joints import MOST_ROWS, solve_rows_at_q3
-from jacokin.kernels.solution_set.slices import JOINT_3, SevenJoints, SixJoints
-from jacokin.kernels.solution_set.starts import descend
-from jacokin.kernels.solution_set.trace import CurveEnd, Loops, add_node, enter_run
+from jacokin.kernels.solution_set.seven_joints import MOST_ROWS, ROUNDING, solve_rows_at_q3
+from jacokin.kernels.solution_set.slices import JOINT_3, SLICES, SevenJoints, SixJoints, Slices
+from jacokin.kernels.solution_set.starts import FARTHEST_START, descend
+from jacokin.kernels.solution_set.trace import CurveEnd, Loops, add_node, enter_run, is_traced, trace
 from jacokin.kernels.tolerances import LIMIT_SNAP
 
 #: [rad] longest interval of the parameter to begin with, and arcs and places there is room for: one arc for each fold,
@@ -52,6 +55,8 @@ BEYOND = 1e-6
 #: Intervals that wait their turn; and that are halved at most: rows that want more are no smooth functions, as where a
 #: joint may have any value.
 WAITING, MOST_HALVED = 48, 500
+#: Share of its reach by which a joint of a structure may miss its equation where the arm itself may have solutions.
+MISSED = 0.1
 
 
 class NearSeed(NamedTuple):
@@ -84,7 +89,7 @@ def solve_rows(parts: Parts, p: float, low: int, high: int, rows: Array) -> None
     if parts.kind == JOINT_3:
         solve_rows_at_q3(parts.walk.chain, parts.seven.arm, parts.walk.T, p, low, high, rows)
     else:
-        solve_wrist_rows(parts.six, parts.kind, p, low, high, rows)
+        solve_wrist_rows(parts.six, parts.kind, p, low, high, rows, ROUNDING)
 
 
 class Arc(NamedTuple):
@@ -146,6 +151,87 @@ def add_chords(limits: Array, parts: Parts, count: int, near: NearSeed, loops: L
             size += 2
         size += 1
     return True
+
+
+def follow_arcs(parts: Parts, count: int, near: NearSeed, loops: Loops, slices: Slices) -> bool:
+    """Follow the arm's own curves from slices, one in the middle of each arc that counts; False where one may be lost.
+
+    A row that leads to no solution there, where folds of the arm and of the structure are not the same, leads to one
+    of these curves.
+
+    Args:
+        parts: the arm, which nearly has a wrist at an end; the target, and the folds.
+        count: of the folds.
+        near: work arrays.
+        loops: the window; filled.
+        slices: appended to.
+    """
+    arcs, walk, rows = 0, parts.walk, parts.seven.rows
+    for n in range(max(count, 1)):
+        for turn in range(-1, 2 if count > 0 else 0):
+            arc = part_of(arc_of(parts.seven.folds, count, n), loops.window, turn)
+            if arc.first < arc.last:
+                if arcs == PLACES:
+                    return False
+                near.angles[arcs] = wrapped(parameter_at(arc, 0.5 * (arc.first + arc.last)))
+                if not add_settled(parts, near.angles[arcs], near.places[arcs], slices):
+                    return False
+                arcs += 1
+    trace(slices, loops, walk)
+    for i in range(arcs):
+        for row in range(MOST_ROWS):
+            x = near.places[i, row : row + 1]
+            if math.isnan(x[0, 0]):
+                continue
+            for j in range(7):
+                walk.z[j] = x[0, j]
+            leads = descend(parts.newton, walk) <= LARGEST_RESIDUAL
+            if leads and not is_traced(loops, walk.z):
+                return False
+            if not (leads and is_among(walk.z, x, 1, FARTHEST_START)):
+                solve_wrist_rows(parts.six, parts.kind, near.angles[i], row, row + 1, rows, ROUNDING)
+                if not math.isnan(rows[row, 0]):
+                    return False
+    return True
+
+
+def add_settled(parts: Parts, p: float, rows: Array, slices: Slices) -> bool:
+    """Append a slice of the arm itself, near to the rows of a structure; False for no room.
+
+    Rows (8, 7) are filled with those that lead to no solution at this value of the parameter, NaN for others.
+    """
+    i, count, walk = slices.size[0], 0, parts.walk
+    if i == SLICES:
+        return False
+    solve_wrist_rows(parts.six, parts.kind, p, 0, MOST_ROWS, rows, MISSED)
+    for row in range(MOST_ROWS):
+        if math.isnan(rows[row, 0]):
+            continue
+        for j in range(7):
+            walk.z[j] = rows[row, j]
+            walk.border[j] = 1.0 if j == walk.parameter[0] else 0.0
+        residual, _ = to_curve(walk.border, p, RESIDUAL, walk.z, walk.tz, walk)
+        if residual <= LARGEST_RESIDUAL and is_among(walk.z, rows[row : row + 1], 1, FARTHEST_START):
+            rows[row, 0] = math.nan
+            if not is_among(walk.z, slices.x[i], count, RESOLUTION):
+                for j in range(7):
+                    slices.x[i, count, j] = walk.z[j]
+                slices.passed[i, count] = 0
+                count += 1
+    slices.p[i], slices.counts[i], slices.doubt[i] = p, count, 0
+    slices.size[0] = i + 1
+    return True
+
+
+def is_among(x: Array, points: Array, count: int, distance: float) -> bool:
+    """Whether a point is one of so many, to a distance in each angle [rad]."""
+    for n in range(count):
+        away = 0.0
+        for j in range(7):
+            away = max(away, abs(wrapped(points[n, j] - x[j])))
+        if away <= distance:
+            return True
+    return False
 
 
 def arc_of(folds: Array, count: int, n: int) -> Arc:

@@ -35,6 +35,7 @@ from jacokin.kernels.solution_set.near_seed import (
     NearSeed,
     Parts,
     add_chords,
+    follow_arcs,
     make_near_seed,
     offer_row,
     offer_settled,
@@ -126,17 +127,18 @@ def solve_set(work: SetWork) -> int:
     Returns:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
-    wrong = find_curves(work, math.isnan(work.near.seed[0]))
-    if work.pieces.size[1] == 0 and not math.isnan(work.near.seed[0]) and work.near.slack[0] == 0.0:
-        wrong = find_curves(work, True)
+    wrong, whole = find_curves(work, math.isnan(work.near.seed[0]))
+    if work.pieces.size[1] == 0 and not whole and work.near.slack[0] == 0.0:
+        wrong, _ = find_curves(work, True)
     return wrong
 
 
-def find_curves(work: SetWork, whole: bool) -> int:
+def find_curves(work: SetWork, whole: bool) -> tuple[int, bool]:
     """Fill loops and pieces with the whole set, or with curves on which the solution nearest to the seed may be.
 
     Returns:
-        How many things went wrong, or were not looked at, so that parts may be missing; 0 for none.
+        How many things went wrong, or were not looked at, so that parts may be missing; 0 for none. And whether the
+        whole set was looked for: a window all round is that, too.
     """
     kind, slices, loops = int(work.options[SetOption.KIND]), work.slices, work.loops
     slices.size[0] = 0
@@ -148,16 +150,18 @@ def find_curves(work: SetWork, whole: bool) -> int:
     if kind != NO_SLICES and (whole or on_one_axis or not add_near_seed(work)):
         if work.near.slack[0] > 0.0:
             work.pieces.size[1] = 0
-            return 1
+            return 1, False
         if on_one_axis:
             doubts += add_turns(kind, work.pieces.limits, slices, loops, work.six, work.seven, work.walk)
+            whole = True
         elif kind == JOINT_3:
             doubts += slice_between_folds(work)
             trace(slices, loops, work.walk)
+            whole = True
         else:
             fit_window(work, whole)
             doubts += slice_by_roots(work)
-            by_roots = True
+            by_roots, whole = True, loops.window[1] == math.inf
     for n in range(work.starts.shape[0]):
         if bring_to_curve(work.starts[n], work.newton, work.walk):
             doubts += not add_start(slices, work.walk.z)
@@ -170,7 +174,9 @@ def find_curves(work: SetWork, whole: bool) -> int:
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
             wrong += slices.passed[i, k] != 1 and not math.isnan(slices.p[i])
-    return int(wrong)
+    if wrong > 0 and work.near.slack[0] > 0.0:
+        work.pieces.size[1] = 0
+    return int(wrong), whole
 
 
 def fit_window(work: SetWork, whole: bool) -> None:
@@ -229,7 +235,9 @@ def is_in_window(window: Array, p: float) -> bool:
 def add_near_seed(work: SetWork) -> bool:
     """Enter chords near to the seed as curves, where folds are known beforehand; False, and none, where they are not.
 
-    The solution that the seed leads to is a start where none that was looked at is nearer.
+    The solution that the seed leads to is a start where none that was looked at is nearer. Where an arm is not as near
+    to its structure as expected, whole curves are followed instead, from what the structure's configurations lead to;
+    not where the seed leads to none, beside what is singular in several ways.
     """
     kind, joints = int(work.options[SetOption.KIND]), int(work.options[SetOption.JOINTS])
     loops, near, slices, seven, roots = work.loops, work.near, work.slices, work.seven, work.islands.roots
@@ -241,7 +249,7 @@ def add_near_seed(work: SetWork) -> bool:
         count, single = find_wrist_folds(work.six, rounding, seven.waves, roots, seven.folds)
     else:
         return False
-    if not single:
+    if not single and (near.slack[0] == 0.0 or count == seven.folds.shape[0]):
         return False
     parts = Parts(kind, joints, work.six, seven, work.walk, work.newton)
     cosine = start_from_seed(work)
@@ -253,7 +261,10 @@ def add_near_seed(work: SetWork) -> bool:
     for row in range(MOST_ROWS):
         known = known and offer_settled(seven.rows[row], parts, near)
     loops.window[1] = half_width(near.best[0] + near.slack[0] + BEYOND, joints, cosine)
-    found = known and add_chords(work.pieces.limits, parts, count, near, loops)
+    found = single and known and add_chords(work.pieces.limits, parts, count, near, loops)
+    if not found and near.slack[0] > 0.0:
+        loops.size[0], loops.size[1] = 0, 0
+        return slices.size[0] > 0 and follow_arcs(parts, count, near, loops, slices)
     if not (found and near.best[0] == led < math.inf):
         slices.size[0] = 0
     if not found:

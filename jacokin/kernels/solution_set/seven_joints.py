@@ -144,13 +144,21 @@ def add_sample(j: int, value: float, degree: int, waves: Array) -> None:
 
 
 def add_folds(noise: float, waves: Array, steps: int, count: int, roots: RootWork, folds: Array) -> tuple[int, bool]:
-    """Append the roots of a function to so many folds; how many there are then, and whether all are single."""
+    """Append the roots of a function to so many folds; how many there are then, and whether all are single.
+
+    Where it is within noise for longer, all of that is one interval.
+    """
     for n in range(DEGREE + 1):
         roots.cosine[n], roots.sine[n] = (waves[0, n], waves[1, n]) if n <= WAVES else (0.0, 0.0)
-    found, single = find_roots(noise, 0.0, roots), True
+    found, single, end = find_roots(noise, 0.0, roots), True, math.nan
     for i in range(found):
         p, half = roots.roots[i, 0], roots.roots[i, 1]
         single = single and half == 0.0
+        if abs(p - half - end) <= ROUNDING:
+            end = p + half
+            folds[count - 1] = wrapped(end)
+            continue
+        end = p + half if half > 0.0 else math.nan
         for _ in range(steps if half == 0.0 else 0):
             value, slope = value_and_slope(roots.cosine, roots.sine, p)
             p -= value / slope if slope != 0.0 else 0.0

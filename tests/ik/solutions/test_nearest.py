@@ -126,7 +126,8 @@ def test_an_arm_that_nearly_has_a_wrist_gets_the_same_answers_as_in_general(
 ) -> None:
     """Axes 5 and 7 of a Gen3, and 4 and 6 of the one with six joints, miss each other by a third of a millimetre.
 
-    And right angles may be written with two digits.
+    And right angles may be written with two digits. Next to places where configurations of the wrist meet whole curves
+    are followed: that is enough but for a few targets.
     """
     if name == "two digits":
         placements = [(xyz, (round(roll, 2), 0.0, 0.0)) for xyz, (roll, _, _) in ARMS["rm75"][0]]
@@ -152,7 +153,7 @@ def test_an_arm_that_nearly_has_a_wrist_gets_the_same_answers_as_in_general(
             given += 1
             away, least = (np.linalg.norm(x[: robot.dof] - seed) for x in (nearly, answer))
             assert away == pytest.approx(least, abs=1e-9)
-    assert given > 0.7 * count
+    assert given > 0.94 * count
 
 
 def in_general(arm: CurveArm) -> CurveArm:

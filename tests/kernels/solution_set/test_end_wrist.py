@@ -78,7 +78,7 @@ def turned(arm: CurveArm, robot: Robot) -> CurveArm:
 def rows_at(kind: int, work: SetWork, p: float) -> Array:
     """(8, 7) at a value of the parameter."""
     rows = np.zeros((8, 7))
-    solve_wrist_rows(work.six, kind, p, 0, 8, rows)
+    solve_wrist_rows(work.six, kind, p, 0, 8, rows, ROUNDING)
     return rows
 
 
@@ -98,7 +98,7 @@ def test_rows_are_the_branches_of_six_joints(name: str, tmp_path: Path, rng: np.
                 assert distances(branches, row).min() < 1e-7
             for n in np.flatnonzero(there).tolist():  # one alone is as all at once
                 alone = np.zeros((8, 7))
-                solve_wrist_rows(work.six, kind, p, n, n + 1, alone)
+                solve_wrist_rows(work.six, kind, p, n, n + 1, alone, ROUNDING)
                 np.testing.assert_array_equal(alone[n], rows[n])
         rows = rows_at(kind, work, own[parameter])
         assert distances(rows[np.isfinite(rows[:, 0])], own).min() < 1e-6
