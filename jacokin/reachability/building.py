@@ -10,10 +10,8 @@ with the SHA-256 of each.
 
 from __future__ import annotations
 
-import functools
 import math
 import pickle
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import ExitStack
@@ -115,14 +113,11 @@ def build(
             manifest.unlink(missing_ok=True)
         missing = [index for index in range(len(starts)) if index not in finished and index % mine[1] == mine[0]]
         with ExitStack() as stack:
-            work: Callable[[MapJob], str | bytes] = make
             if executor is None:
-                executor, done = stack.enter_context(ThreadPoolExecutor(usable_cores())), threading.Event()
-                stack.callback(done.set)  # before threads are waited for: Ctrl-C ends them within a pose
-                work = functools.partial(make, stopped=done.is_set)
+                executor = stack.enter_context(ThreadPoolExecutor(usable_cores()))
             total = min(samples.positions, (len(missing) + len(finished)) * size)
             advance = reporter(progress, total, min(total, len(finished) * size))
-            for index, content in run_jobs(work, _jobs(solver, samples, size, missing, chunks.keeper), executor):
+            for index, content in run_jobs(make, _jobs(solver, samples, size, missing, chunks.keeper), executor):
                 finished[index] = chunks.put(index, content)
                 advance(min(size, samples.positions - index * size))
         finished = chunks.finished()
