@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from jacokin import files
 from jacokin.arrays import Array
 from jacokin.documents import read_json, read_yaml
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, JacokinError, ModelError, UnknownNameError
 from jacokin.model import checks, poses
 from jacokin.model.contact import Contact
 from jacokin.model.contact_arrays import WorldArrays
@@ -304,7 +304,11 @@ class Scene:
             InvalidInputError: what comes is not a shape, or has another name.
             UnknownNameError: what leaves is not there, nor comes.
         """
-        for name, shape in coming.items():
+        leaving, coming = (
+            checks.listed("leaving", leaving),
+            checks.mapping("coming", coming, "a dict of names and shapes"),
+        )
+        for name, shape in zip(coming, _checked(coming.values()), strict=True):
             if shape.name != name:
                 raise InvalidInputError(f"obstacles[{name!r}] has the name {shape.name!r}")
         gone = {*leaving, *coming}
@@ -341,6 +345,7 @@ class Scene:
 
         Raises:
             InvalidInputError: no such file, another ending, malformed, or wrong numbers; names the entry.
+            ModelError: the description of another robot is missing or malformed; names the entry.
             UnknownNameError: an unknown shape or key.
         """
         file = checks.path("path", path, "a file name")
@@ -527,8 +532,12 @@ def _robot_entry(other: OtherRobot, scene: Scene, file: Path) -> dict[str, objec
     if word is None:
         folder = file.parent.resolve()
         word = os.fspath(place.relative_to(folder) if place.is_relative_to(folder) else place)
-    again = _load_robot(other.name, os.fspath(place) if source.bundled is None else word, other.q, pin.SE3.Identity())
-    if fingerprint(again.robot) != fingerprint(other.robot):
+    try:
+        known = word if source.bundled is not None else os.fspath(place)
+        again = fingerprint(_load_robot(other.name, known, other.q, pin.SE3.Identity()).robot)
+    except JacokinError:  # as without the folders of its meshes
+        again = ""
+    if again != fingerprint(other.robot):
         raise InvalidInputError(f"{other.name!r} was loaded with options, which no file of a scene holds")
     if not {part.name for part in other.parts} <= set(scene.names):
         raise InvalidInputError(f"of the robot {other.name!r} some shapes are not in the scene: it cannot be saved")
@@ -620,6 +629,8 @@ def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle |
         return build(name=name, **values)
     except InvalidInputError as error:
         raise InvalidInputError(f"{where}: {error}") from error
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}") from error
 
 
 def _check_keys(where: str, entry: Mapping[object, object], known: tuple[str, ...]) -> None:

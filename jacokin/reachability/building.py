@@ -91,7 +91,7 @@ def build(
     checks.optional(checks.instance, "grid", grid, Grid, "a Grid")
     checks.optional(checks.function, "progress", progress)
     solver = _solver(robot)
-    if solver.robot.dof < SIX:
+    if not SIX <= solver.robot.dof <= SIX + 1:
         raise StructureError(f"maps are of arms with six or seven joints; {solver.robot.label} has {solver.robot.dof}")
     if solver.dimension() != 1:
         solver.closed_form()

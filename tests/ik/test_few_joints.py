@@ -37,15 +37,17 @@ def urdf_of(chain: Array) -> str:
 
 @cache
 def arm(folder: Path, name: str) -> Robot:
-    return load_text(folder / f"{name}.urdf", urdf_of(CHAINS[name]))
+    chain = np.insert(CHAINS["seven"], 5, CHAINS["seven"][2], 0) if name == "eight" else CHAINS[name]
+    return load_text(folder / f"{name}.urdf", urdf_of(chain))
 
 
-def test_what_few_joints_lack_is_said(folder: Path) -> None:
-    robot = arm(folder, "five")
-    with pytest.raises(StructureError, match=r"^the C library solves arms of six or seven joints; arm has 5$"):
+@pytest.mark.parametrize("joints", [5, 8])
+def test_what_few_and_many_joints_lack_is_said(folder: Path, joints: int) -> None:
+    robot = arm(folder, "five") if joints == 5 else arm(folder, "eight")
+    with pytest.raises(StructureError, match=rf"^the C library solves arms of six or seven joints; arm has {joints}$"):
         jacokin.ik.export_c(IKSolver(robot), folder / "c")
     assert not (folder / "c").exists()
-    with pytest.raises(StructureError, match=r"^maps are of arms with six or seven joints; arm has 5$"):
+    with pytest.raises(StructureError, match=rf"^maps are of arms with six or seven joints; arm has {joints}$"):
         build(robot, folder=folder / "map")
 
 

@@ -157,6 +157,11 @@ def test_a_file_means_what_it_says(tmp_path: Path, robot: Robot, rng: np.random.
         ("- {shape: floor}\n- {shape: floor, name: floor}", InvalidInputError, r"'floor' is used by two"),
         ("- !!python/object/apply:os.getcwd []", InvalidInputError, r"not a YAML file"),
         ("- {shape: floor, height: 0, height: 1}", InvalidInputError, r"scene.yaml: the key 'height' is given twice"),
+        (
+            "- {shape: robot, robot: a.urdf, q: [0], position: [0, 0, 0]}",
+            ModelError,
+            "obstacle 0: .*a.urdf: no such file",
+        ),
         ("- {shape: floor, attached_to: hand}", UnknownNameError, r"'attached_to'. Valid: shape, name, height"),
         (
             "- {shape: sphere, radius: 1, position: [0, 0, 0], attached_to: 3}",
@@ -335,6 +340,10 @@ def test_a_scene_does_not_change_into_nonsense() -> None:
             scene.adding(twice)
     with pytest.raises(UnknownNameError, match=r"tabel.*table"):
         scene.removing("floor", "tabel")
+    with pytest.raises(InvalidInputError, match="coming must be a dict of names and shapes, got 3"):
+        scene.changed([], 3)  # type: ignore[arg-type]  # a user's mistake
+    with pytest.raises(InvalidInputError, match="obstacles must be shapes with a name"):
+        scene.changed([], {"cup": 3})  # type: ignore[dict-item]  # a user's mistake
     with pytest.raises(UnknownNameError, match=r"tabel.*table"):
         scene.moving({"tabel": [0.0, 0.0, 0.0]})
     with pytest.raises(InvalidInputError, match="where a pose is given"):

@@ -344,6 +344,10 @@ def test_all_about_a_free_axis_need_the_closed_form(robot: Robot) -> None:
 def test_parameters_outside_are_refused(solver: IKSolver) -> None:
     target = FreeAxis(solver.robot.forward_kinematics(solver.robot.home), axis=(1.0, 0.0, 0.0), range=(-0.1, 0.1))
     interval = solver.solve_all(target).intervals[0]
+    with pytest.raises(InvalidInputError, match="n must be a whole number >= 1, got 0"):
+        interval.sample(0)
+    with pytest.raises(InvalidInputError, match="step must be a positive number"):
+        interval.walk(math.nan)
     with pytest.raises(InvalidInputError, match="parameter must be from"):
         interval.at(1.0)
     np.testing.assert_allclose(interval.at(interval.start + 2.0 * math.pi), interval.at(interval.start), atol=1e-12)
