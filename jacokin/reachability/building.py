@@ -32,7 +32,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, checked_robot
 from jacokin.reachability.folder import MANIFEST, MapJob, load, make, make_recipe
 from jacokin.reachability.map import ReachabilityMap
 from jacokin.reachability.samples import (
@@ -91,8 +91,6 @@ def build(
     checks.optional(checks.instance, "grid", grid, Grid, "a Grid")
     checks.optional(checks.function, "progress", progress)
     solver = _solver(robot)
-    if not SIX <= solver.robot.dof <= SIX + 1:
-        raise StructureError(f"maps are of arms with six or seven joints; {solver.robot.label} has {solver.robot.dof}")
     if solver.dimension() != 1:
         solver.closed_form()
     found = NO_SYMMETRIES
@@ -143,6 +141,9 @@ def _solver(robot: Robot | IKSolver) -> IKSolver:
         InvalidInputError: neither a robot nor a solver, or contact is treated in a way that maps do not have.
         JacokinError: as `build`.
     """
+    arm = robot.robot if isinstance(robot, IKSolver) else checked_robot("robot", robot)
+    if not SIX <= arm.dof <= SIX + 1:
+        raise StructureError(f"maps are of arms with six or seven joints; {arm.label} has {arm.dof}")
     if not isinstance(robot, IKSolver):
         solver = IKSolver(robot, method="closed_form")
     else:
