@@ -80,7 +80,8 @@ class FewJoints:
         found = chain.solve_all(target, seed) if along is None else along
         if not self._is_missed(target, found):
             return found
-        if target.free_axis is None:
+        tight = self._near_misses.tolerance <= diagnosis.NEARLY  # what is near has then been found
+        if target.free_axis is None and not (tight and found.within_limits.any()):
             return self._within_tolerances(target, seed, found)
         return PointsOfFew(found.rows, found.dropped, seed, self._verifier, found.angle, chain.free_joint, nearly=True)
 

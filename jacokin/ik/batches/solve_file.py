@@ -85,8 +85,8 @@ def solve_file(
 
     Args:
         solver: solves each target; sent to workers pickled.
-        targets: a file of targets by the ending of its name: .npz, .parquet, or else CSV; see `read_targets` for the
-            columns.
+        targets: a file of targets by the ending of its name: .npz, .npy, .parquet, or else CSV; see `read_targets` for
+            the columns.
         output: .csv, .npz or .parquet; replaced in one step when everything is solved.
         executor: any executor; None for threads of this process, or processes where targets go to the QP and workers
             are asked for.
