@@ -71,6 +71,7 @@ KINDS: dict[str, Callable[[Path], object]] = {
     "played.kinova.csv": _playback,
     "targets.csv": _targets,
     "targets.npz": _targets,
+    "targets.npy": _targets,
     "targets.parquet": _targets,
     "measurements.csv": _measurements,
     "measurements.npz": _measurements,
@@ -131,6 +132,7 @@ def sound_files(folder: Path) -> dict[str, Path]:
     columns = {name: T[:, place, 3] for place, name in enumerate("xyz")}
     names = [f"joint_{number}" for number in range(1, 7)]
     measured = {**dict(zip(names, q.T, strict=True)), **columns}
+    np.save(found["targets.npy"], T)
     np.savez(found["targets.npz"], targets=T, note=np.array(list("abcde")), age=np.arange(5))
     np.savez_compressed(found["measurements.npz"], **measured)
     np.savez(found["stream.npz"], time=np.arange(5.0), hand=np.ones((5, 7)))

@@ -18,7 +18,7 @@ import stat
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, TextIO
@@ -110,7 +110,8 @@ def replacing(path: Path) -> Iterator[Path]:
         except OSError as error:
             raise InvalidInputError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(NotADirectoryError):  # where a folder of the path is a file, nothing was made
+            temporary.unlink(missing_ok=True)
 
 
 @contextmanager

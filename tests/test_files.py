@@ -21,7 +21,7 @@ import jacokin
 from jacokin import Robot, files
 from jacokin.errors import InvalidInputError
 from jacokin.ik import export_c, solve_file
-from jacokin.model import PointCloud, write_urdf
+from jacokin.model import PointCloud, Scene, write_urdf
 from jacokin.tasks import TaskEnv, record
 
 
@@ -141,6 +141,7 @@ def test_what_no_file_can_be_called_is_refused_by_all_that_write(robot: Robot, n
     writers: list[Callable[[Path], object]] = [
         lambda path: write_urdf(robot, path.with_suffix(".urdf")),
         lambda path: PointCloud("seen", np.zeros((1, 3))).save(path.with_suffix(".ply")),
+        lambda path: Scene().save(path.with_suffix(".json")),
         lambda path: solve_file(solver, targets, path.with_suffix(".csv")),
         lambda path: export_c(solver, path),
         lambda path: record(TaskEnv("reach_site"), lambda observation: np.zeros(9), path.with_suffix(".hdf5")),
@@ -149,6 +150,12 @@ def test_what_no_file_can_be_called_is_refused_by_all_that_write(robot: Robot, n
         with pytest.raises(InvalidInputError, match="cannot be written: (File name too long|embedded null byte)"):
             write(tmp_path / name)
     assert list(tmp_path.iterdir()) == [targets]
+
+
+def test_a_file_where_a_folder_should_be_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidInputError, match="cannot be written: Not a directory$"):
+        write_urdf(jacokin.load_robot(), tmp_path / "file" / "arm.urdf")
 
 
 def test_a_pipe_is_written_to_as_it_is(tmp_path: Path) -> None:

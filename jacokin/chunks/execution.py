@@ -10,9 +10,9 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from jacokin.errors import InvalidInputError, JacokinError, needed, shown
 
@@ -27,25 +27,59 @@ FEWEST_AHEAD = 4
 ANSWER_WITHIN = 10.0  # [s] that a scheduler has to answer
 KEPT = "finished chunks are kept: run it again to continue"
 
+_worker = threading.local()
+
+
+class StopEvent(Protocol):
+    """An event of threads or of processes."""
+
+    def set(self) -> None:
+        """Stop the work."""
+
+    def is_set(self) -> bool:
+        """Whether it is to stop."""
+
+
+def heed(stop: StopEvent | None) -> None:
+    """Let an event stop the jobs of this worker, a thread or a process; None for no event."""
+    _worker.stop = stop
+
+
+def is_stopped() -> bool:
+    """Whether nobody waits for what this worker does: asked by jobs, now and then."""
+    stop: StopEvent | None = getattr(_worker, "stop", None)
+    return stop is not None and stop.is_set()
+
+
+def _heeding(make: Callable[[Job], Made], stop: StopEvent, job: Job) -> Made:
+    """A job that an event stops."""
+    heed(stop)
+    try:
+        return make(job)
+    finally:
+        heed(None)
+
 
 def run_jobs(
     make: Callable[[Job], Made], jobs: Iterable[tuple[int, Job]], executor: Executor
 ) -> Iterator[tuple[int, Made]]:
     """The number and the result of every job, in the order in which they finish.
 
-    `jobs` is read as far as workers need it: memory does not grow with the number of jobs.
+    `jobs` is read as far as workers need it: memory does not grow with the number of jobs. Whoever stops waiting, as
+    after Ctrl-C, stops jobs under way on threads, whosever they are, where these ask `is_stopped`.
 
     Raises:
         JacokinError: a job failed, or the executor did.
     """
     ahead = max(FEWEST_AHEAD, AHEAD * count_workers(executor))
     under_way: dict[Future[Made], int] = {}
-    jobs = iter(jobs)
+    jobs, stop = iter(jobs), threading.Event()
+    run = functools.partial(_heeding, make, stop) if isinstance(executor, ThreadPoolExecutor) else make
     try:
         while True:
             while len(under_way) < ahead and (job := next(jobs, None)) is not None:
                 try:
-                    under_way[executor.submit(make, job[1])] = job[0]
+                    under_way[executor.submit(run, job[1])] = job[0]
                 except (BrokenExecutor, RuntimeError) as error:
                     raise JacokinError(f"the executor takes no more work: {error}; {KEPT}") from error
             if not under_way:
@@ -55,6 +89,7 @@ def run_jobs(
                 index = under_way.pop(future)
                 yield index, _result(future, index)
     finally:
+        stop.set()
         for future in under_way:
             future.cancel()
 

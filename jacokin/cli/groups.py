@@ -149,7 +149,7 @@ class BatchOptions:
 
     targets: Path | None = option(
         "--targets",
-        help="Solve every row of a .csv, .npz or .parquet: columns x,y,z and qw,qx,qy,qz or none; others are kept.",
+        help="Solve every row of a .csv, .npz, .npy or .parquet: x,y,z and qw,qx,qy,qz or none; others are kept.",
     )
     output: Path | None = option(
         "--output", needs=("--targets",), help="Write the answers to --targets to this .csv, .npz or .parquet."

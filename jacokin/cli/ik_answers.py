@@ -136,6 +136,8 @@ def show_points(solver: ik.IKSolver, branches: ik.SolutionSet, units: Units, *, 
         lines.append(("note", f"{few.free_joint} is free: each row stands for all its angles"))
     elif branches.singular.any() or (few is not None and few.on_curve):
         lines.append(("note", "this pose has a curve of solutions; the rows are members of it"))
+    elif few is not None and few.nearly:
+        lines.append(("note", "nothing meets this pose exactly; the rows are within the tolerances, and others are"))
     elif not branches.complete:
         lines.append(("note", "there may be more"))
     display.show_facts(lines)

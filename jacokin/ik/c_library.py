@@ -160,7 +160,7 @@ def solver_file(solver: IKSolver) -> bytes:
         raise InvalidInputError("the C library does not look for contact; use collision='ignore'")
     if solver.method == "qp":
         raise InvalidInputError("the C library solves by the closed form only; use method='auto'")
-    if robot.dof < SIX:
+    if not SIX <= robot.dof <= SIX + 1:
         raise StructureError(f"the C library solves arms of six or seven joints; {robot.label} has {robot.dof}")
     at_poses = solver.dimension() == 1
     arm = curve_arm.at_poses(verifier) if at_poses else curve_arm.about_axis(solver.closed_form(), robot)

@@ -14,30 +14,36 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.errors import StructureError
-from jacokin.ik import diagnosis, forms
+from jacokin.ik import diagnosis, forms, near_misses
 from jacokin.ik.closest import ClosestSearch
 from jacokin.ik.diagnosis import Outcome
+from jacokin.ik.fixed_joints import SIX
+from jacokin.ik.near_misses import NearMisses
 from jacokin.ik.results import IKResult
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
 from jacokin.ik.virtual_joints import PointsOfFew, VirtualJoints
-from jacokin.kernels.branches import DISTANCE
+from jacokin.kernels.branches import COLUMNS, DISTANCE, ORIENTATION_ERROR, POSITION_ERROR, WITHIN_LIMITS
 from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.model import angles
 from jacokin.model.kinematics import axis_of
+from jacokin.model.poses import FreeAxis
 
 KEPT = 16  # free axes whose chains are at hand
 PARALLEL = 1e-4  # sine of two axes that may be parallel within tolerances; what is reached at two angles decides
 AROUND = 8  # angles at which a curve is looked at, beginning with that of the seed
 BESIDE = 0.02  # [rad] from an angle to the next one, at which a curve goes on and a point does not
+EXACT = 1e-6  # [m] and [rad] errors of what meets a target exactly
+TURNED = 2.0  # times the orientation tolerance: a turn about the best of three axes is at most sqrt(3) times as long
+ALIKE = 0.02  # [rad] configurations within the tolerances that are nearer than that are one
 
 
 class FewJoints:
     """An arm of three to five turning joints, with frame and tool."""
 
-    def __init__(self, verifier: Verifier, closest: ClosestSearch) -> None:
+    def __init__(self, verifier: Verifier, closest: ClosestSearch, nearly: NearMisses) -> None:
         """Take the arm; chains are built for the kinds of target that are asked for."""
-        self._verifier, self._closest = verifier, closest
+        self._verifier, self._closest, self._near_misses = verifier, closest, nearly
         self._chain = functools.lru_cache(maxsize=KEPT)(functools.partial(forms.virtual_joints, verifier))
 
     def chain(self, target: TargetPose) -> VirtualJoints:
@@ -71,7 +77,60 @@ class FewJoints:
         """
         chain = self.chain(target)
         along = None if chain.free_joint or not self._along_first(target) else self._along_curve(target, seed)
-        return chain.solve_all(target, seed) if along is None else along
+        found = chain.solve_all(target, seed) if along is None else along
+        if not self._is_missed(target, found):
+            return found
+        tight = self._near_misses.tolerance <= diagnosis.NEARLY  # what is near has then been found
+        if target.free_axis is None and not (tight and found.within_limits.any()):
+            return self._within_tolerances(target, seed, found)
+        return PointsOfFew(found.rows, found.dropped, seed, self._verifier, found.angle, chain.free_joint, nearly=True)
+
+    def _is_missed(self, target: TargetPose, found: PointsOfFew) -> bool:
+        """Whether no point meets a target exactly, though tolerances may be met."""
+        if target.position_only or self._near_misses.tolerance <= EXACT:
+            return False
+        errors = found.rows[:, [POSITION_ERROR, ORIENTATION_ERROR]].max(axis=1)
+        return not (errors <= EXACT).any() and self._closest.reach.exceeded(target) is None
+
+    def _within_tolerances(self, target: TargetPose, seed: Array, found: PointsOfFew) -> PointsOfFew:
+        """Points within the tolerances of a pose that nothing meets exactly.
+
+        Each is where the errors, in tolerances, are least nearby. Least squares lead there from what meets the position
+        and misses the orientation by a small angle about an axis of the tool, and from the closest configuration.
+        """
+        request = Request(target, seed, "", None, 0, False)
+        closest, _ = self._closest.find(target, [seed], request.generator(), position_first=True)
+        starts = np.vstack([found.q, *self._at_position(target, seed), closest[np.newaxis]])
+        rows: list[Array] = []
+        for q in self._near_misses.find(request, starts):
+            errors = self._verifier.measure(q, target)
+            if self._verifier.reached(q, errors) and not any(_alike(q, row) for row in rows):
+                rows.append(self._row(q, errors, seed))
+        table = np.array(rows).reshape(-1, COLUMNS)
+        order = np.argsort(table[:, DISTANCE], kind="stable")
+        return PointsOfFew(table[order], found.dropped, seed, self._verifier, None, "", nearly=True)
+
+    def _at_position(self, target: TargetPose, seed: Array) -> Iterator[Array]:
+        """Configurations (k, dof) that meet the position; of five joints, turned by little about an axis of the tool.
+
+        Whatever axis a small turn away from the target is about, one of three at right angles is within 55 degrees of
+        it, and the turn about that one is hardly longer.
+        """
+        wide = TURNED * self._verifier.options.orientation_tolerance
+        free = [TargetPose(target.matrix, free_axis=FreeAxis(target.matrix, axis=axis)) for axis in np.eye(3)]
+        for each in [*free, TargetPose(target.matrix, position_only=True)]:
+            if self.covers(each):
+                found = self.chain(each).solve_all(each, seed)
+                turned = np.zeros(len(found)) if found.angle is None else angles.wrap_to_pi(found.angle)
+                yield found.q[np.abs(turned) <= wide]
+
+    def _row(self, q: Array, errors: tuple[float, float], seed: Array) -> Array:
+        """A configuration (dof,) within the limits as a row of `PointsOfFew`."""
+        robot, row = self._verifier.robot, np.zeros(COLUMNS)
+        row[: robot.dof], row[SIX : SIX + robot.dof] = q, np.minimum(q - robot.lower, robot.upper - q)
+        row[POSITION_ERROR], row[ORIENTATION_ERROR] = errors
+        row[DISTANCE], row[WITHIN_LIMITS] = np.linalg.norm(q - seed), 1.0
+        return row
 
     def _along_curve(self, target: TargetPose, seed: Array) -> PointsOfFew | None:
         """Points at some angles about the free axis; None where they do not go on beside any of these."""
@@ -132,6 +191,7 @@ class FewJoints:
         """Branches within the limits, best first."""
         said = f"; {branches.free_joint} is free" if branches.free_joint else ""
         said = "; the angle about the axis is free" if branches.on_curve else said
+        said = f"; {near_misses.MESSAGE}" if branches.nearly else said
         for index, q in branches.in_order(request.cost):
             parameter = None if branches.angle is None else float(branches.angle[index])
             at = request.target if parameter is None else request.target.at(parameter)
@@ -175,6 +235,11 @@ class FewJoints:
 def _beside(target: TargetPose, angle: float) -> list[float]:
     """Angles about the free axis next to one [rad], within the range."""
     return [each for each in (angle - BESIDE, angle + BESIDE) if _in_range(target, each)]
+
+
+def _alike(q: Array, row: Array) -> bool:
+    """Whether a configuration (dof,) is about that of a row, turned round or not."""
+    return bool(np.abs(angles.wrap_to_pi(row[: len(q)] - q)).max() < ALIKE)
 
 
 def _in_range(target: TargetPose, angle: float) -> bool:

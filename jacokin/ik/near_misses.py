@@ -39,6 +39,8 @@ DAMPING, LEAST_DAMPING, MOST_DAMPING, LESS_DAMPING, MORE_DAMPING = 1e-6, 1e-14, 
 SETTLED, PATIENCE = 1e-3, 6
 #: Errors up to this many times the tolerances are weighed anew: where one is too large, the other may be small.
 UNEQUAL = 1.5
+#: Of the looser tolerance [m/rad] or [rad/m] at least: with less the method does not see what it does to that error.
+LEAST_WEIGHT = 3e-4
 
 
 class NearMisses:
@@ -112,7 +114,7 @@ class NearMisses:
     def _settled(self, x: Array, outside: Array, target: TargetPose, lower: Array, upper: Array) -> Array:
         """Where least squares within bounds lead from rows (k, width); those that meet the target, or nearly so."""
         tolerance = np.repeat(self._tolerances, 3)
-        scale = np.tile(tolerance.min() / tolerance, (len(x), 1))
+        scale = np.tile(np.maximum(tolerance.min() / tolerance, LEAST_WEIGHT), (len(x), 1))
         x, size = self._descended(x, outside, target, scale, lower, upper)
         x, size, scale = x[rows := size.max(axis=1) <= UNEQUAL], size[rows], scale[rows]
         uneven = size.max(axis=1) > 1.0
@@ -132,7 +134,8 @@ class NearMisses:
         first order they stay, and second derivatives matter as the square of what a step, or moving the row onto limits
         by (k,) [rad], changes. Mostly that is a regular branch outside the limits, and seen at once.
         """
-        x, moved, slack = x.copy(), outside**2, UNEQUAL * 2.0 * min(self._tolerances)
+        x, moved = x.copy(), outside**2
+        slack = UNEQUAL * 2.0 * (scale[:, [0, 3]] * self._tolerances).max(axis=1)
         error, jacobian = self._linearised(x, target)
         value = np.linalg.norm(scale * error, axis=1)
         damping, waited, moving = np.full(len(x), DAMPING), np.zeros(len(x)), np.arange(len(x))
@@ -145,7 +148,7 @@ class NearMisses:
             moved[moving] += np.einsum("ki,ki->k", step, step)
             left = np.linalg.norm(rest - (slopes @ step[:, :, None])[:, :, 0], axis=1)
             # 4 m/rad^2 is more than the second derivative of any pose of the tool.
-            hopeful = (left <= 4.0 * moved[moving] + slack) | (damping[moving] > DAMPING)
+            hopeful = (left <= 4.0 * moved[moving] + slack[moving]) | (damping[moving] > DAMPING)
             moving, step, weight = moving[hopeful], step[hopeful], weight[hopeful]
             if not len(moving):
                 break

@@ -527,7 +527,7 @@ class IKSolver:
 
     @functools.cached_property
     def _few(self) -> FewJoints:
-        return FewJoints(self._verifier, self._closest)
+        return FewJoints(self._verifier, self._closest, self._near_misses)
 
     @functools.cached_property
     def _turned(self) -> TurnedSearch:

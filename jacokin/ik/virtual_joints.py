@@ -58,9 +58,10 @@ class PointsOfFew(Points):
             where the seed has it; empty for none.
         on_curve: whether the target is reached along a curve, as straight down by many arms: points of it are some, the
             angle of the seed among them.
+        nearly: whether nothing meets the target exactly: points are some of what is within the tolerances.
     """
 
-    __slots__ = ("_dof", "angle", "free_joint", "on_curve")
+    __slots__ = ("_dof", "angle", "free_joint", "nearly", "on_curve")
 
     def __init__(
         self,
@@ -73,16 +74,17 @@ class PointsOfFew(Points):
         touching: Touching | None = None,
         *,
         on_curve: bool = False,
+        nearly: bool = False,
     ) -> None:
         """Take rows (k, 17), whose first columns are the arm's own joints; the rest as `Points` does."""
         super().__init__(rows, dropped, seed, verifier, touching)
-        self._dof, self.free_joint, self.on_curve = len(seed), free_joint, on_curve
+        self._dof, self.free_joint, self.on_curve, self.nearly = len(seed), free_joint, on_curve, nearly
         self.angle = None if angle is None else checks.sealed(angle)
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Rebuild from the arrays, which stay read-only."""
         shared = self.rows, self.dropped, self._seed, self._verifier
-        made = functools.partial(type(self), on_curve=self.on_curve)
+        made = functools.partial(type(self), on_curve=self.on_curve, nearly=self.nearly)
         return made, (*shared, self.angle, self.free_joint, self.touching)
 
     @property
@@ -97,8 +99,16 @@ class PointsOfFew(Points):
 
     @property
     def complete(self) -> bool:
-        """False where a joint is free, too: each branch then stands for all its values; and where these are a curve."""
-        return super().complete and not self.free_joint and not self.on_curve
+        """False where a joint is free, too: each branch then stands for all its values; and where these are a curve.
+
+        And where nothing meets the target exactly: what is within the tolerances is a region around each point.
+        """
+        return super().complete and not (self.free_joint or self.on_curve or self.nearly)
+
+    @property
+    def _said(self) -> str:
+        """How many there are, and what they are."""
+        return f"{super()._said}{', none of them exactly' if self.nearly else ''}"
 
 
 class VirtualJoints:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import itertools
+import logging
+import math
 import stat
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,11 +19,15 @@ from jacokin import files
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError, ShapeError, UnknownNameError
 from jacokin.model import checks
+from jacokin.model.angles import TURN
 from jacokin.model.descriptions import bundled, chain, urdf
 from jacokin.model.descriptions.tools import limits_of, slides
 from jacokin.model.dynamics import impossible_moments
+from jacokin.model.kinematics import axis_of
 from jacokin.model.measured_arm import MeasuredArm
 from jacokin.model.robot import Home, HomeFinder, Known, Robot, SceneLike, Source, limit_margins, middle, spread
+
+logger = logging.getLogger(__name__)
 
 TIP_OF_BUNDLED = "end_effector"
 NO_FILE = "no such file"
@@ -142,6 +148,8 @@ def _calibrate(model: pin.Model, base: str, calibration: str | Path | MeasuredAr
     Raises:
         ModelError: as `load_robot`.
     """
+    if not isinstance(calibration, MeasuredArm | str | Path):
+        raise checks.refusal("calibration", "a file name or a MeasuredArm, as robot.calibration is", calibration)
     measured = calibration if isinstance(calibration, MeasuredArm) else MeasuredArm.load(calibration)
     measured.apply(model, base)
     return measured
@@ -403,6 +411,8 @@ def _override_limits(
         if low > chain.NO_LIMIT or high < -chain.NO_LIMIT:
             raise InvalidInputError(f"{where}: no angle within 1e6 rad lies between {low} and {high}")
         lower[index], upper[index] = low, high
+        if any(2.0 * TURN < abs(limit) < math.inf for limit in (low, high)) and not axis_of(model, index + 1).slides:
+            logger.warning("%s is in radians, and %s exceeds two turns", where, checks.shown(pair))
         written.append((joint, low, high))
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
     return tuple(written)
@@ -422,11 +432,13 @@ def find_home(robot: Robot) -> Home:
     do; the middle of the limits; random configurations of a fixed seed, first those above the base and away from the
     limits. Coarse shapes may always overlap; that is no reason to have no home.
     """
-    from jacokin.model.contact import SelfContact  # which needs Robot
+    from jacokin.model.contact import SelfContact, self_contact  # which need Robot
 
     unchecked = "without shapes to check for contact"
     try:
         checker = SelfContact.of(robot)
+        if checker is None and self_contact(robot).has_shapes:
+            unchecked = "no two of its own shapes count as touching, by its description"
     except ShapeError:
         checker, unchecked = None, "contact was not checked, as the shapes cannot be loaded"
     best, fewest, singular = Home(middle(robot), "the middle of the limits"), np.inf, True

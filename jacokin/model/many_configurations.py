@@ -12,6 +12,8 @@ from jacokin.arrays import Array
 from jacokin.model import kinematics
 from jacokin.model.robot import Robot
 
+ALIKE = 1.0, 1.0  # weights [1/m] and [1/rad]
+
 
 class TargetRows(NamedTuple):
     """Poses (n, 4, 4) for the tool, which may be turned about axes (n, 3) of its own; None when they may not."""
@@ -61,13 +63,18 @@ class Chain:
             jacobian = np.concatenate([jacobian, away], axis=2)
         return _error(placed, T), jacobian
 
-    def close(self, x: Array, goal: TargetRows, held: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
+    def close(
+        self, x: Array, goal: TargetRows, held: NDArray[np.bool_] | None = None, weight: tuple[float, float] = ALIKE
+    ) -> tuple[Array, Array]:
         """Newton's method from configurations (n, width) towards a goal, in steps of least length.
+
+        Where fewer than six coordinates cannot reach it, least squares.
 
         Args:
             x: (n, width) where it begins.
             goal: (n,) poses.
             held: (n, width) coordinates that do not move; None for none.
+            weight: of position and orientation in these least squares [1/m] and [1/rad].
 
         Returns:
             (n, width) where it ended, and (n,) the larger of the position [m] and orientation [rad] errors there.
@@ -85,6 +92,9 @@ class Chain:
             active, error, jacobian = active[going], error[going], jacobian[going]
             if held is not None:
                 jacobian = jacobian * ~held[active, None, :]
+            if weight != ALIKE:
+                rows = np.repeat(weight, 3)
+                error, jacobian = error * rows, jacobian * rows[:, None]
             step = _solved(jacobian, error) if held is None and jacobian.shape[2] == 6 else _shortest(jacobian, error)
             x[active] += step * (longest / np.maximum(np.abs(step).max(axis=1, keepdims=True), longest))
         return x, worst

@@ -101,6 +101,18 @@ class MeasuredArm:
     path: Path | None = field(default=None, compare=False)
     """The file they were read from."""
 
+    def __post_init__(self) -> None:
+        """Check the joints.
+
+        Raises:
+            InvalidInputError: none, or other than pairs of a name and a `MeasuredJoint`.
+        """
+        joints = checks.listed("joints", self.joints)
+        pairs = [each for each in joints if isinstance(each, tuple) and len(each) == 2]
+        named = [name for name, joint in pairs if isinstance(name, str) and isinstance(joint, MeasuredJoint)]
+        if not joints or len(named) < len(joints):
+            raise checks.refusal("joints", "pairs of a name and a MeasuredJoint, base to tip", self.joints)
+
     @property
     def drives(self) -> tuple[str, ...]:
         """Names of the joints whose scale is not 1, or that give under load."""

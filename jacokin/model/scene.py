@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from pathlib import Path
@@ -9,12 +11,14 @@ from typing import Self
 
 import mujoco
 import numpy as np
+import orjson
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from jacokin import files
 from jacokin.arrays import Array
 from jacokin.documents import read_json, read_yaml
-from jacokin.errors import InvalidInputError, UnknownNameError
+from jacokin.errors import InvalidInputError, JacokinError, ModelError, UnknownNameError
 from jacokin.model import checks, poses
 from jacokin.model.contact import Contact
 from jacokin.model.contact_arrays import WorldArrays
@@ -31,10 +35,11 @@ from jacokin.model.obstacles import (
     Sphere,
     Surroundings,
     place,
+    pose_of,
 )
 from jacokin.model.point_cloud import NAME, PointCloud
 from jacokin.model.poses import pose
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, fingerprint
 from jacokin.model.surrounded import make_world, surround
 
 
@@ -45,16 +50,26 @@ def _load_robot(name: str, robot: str, q: ArrayLike, base: pin.SE3, finger_angle
     return OtherRobot(name, load_robot(robot), q, base, finger_angle)
 
 
-ORIENTATION = ("quat_wxyz", "rpy")
+ORIENTATION = ("quat_wxyz", "rpy", "rotation")
+HELD = "attached_to"  # the frame that carries a shape, whose pose is then in that frame
 # Each shape of a file, and its keys beside "shape" and "name": those that it needs, and others.
 SHAPES: Mapping[str, tuple[Callable[..., Obstacle | OtherRobot], tuple[str, ...], tuple[str, ...]]] = {
-    "box": (Box, ("size", "position"), ORIENTATION),
-    "sphere": (Sphere, ("radius", "position"), ()),
-    "capsule": (Capsule, ("radius", "length", "position"), ORIENTATION),
-    "cylinder": (Cylinder, ("radius", "length", "position"), ORIENTATION),
+    "box": (Box, ("size", "position"), (*ORIENTATION, HELD)),
+    "sphere": (Sphere, ("radius", "position"), (HELD,)),
+    "capsule": (Capsule, ("radius", "length", "position"), (*ORIENTATION, HELD)),
+    "cylinder": (Cylinder, ("radius", "length", "position"), (*ORIENTATION, HELD)),
     "floor": (Floor, (), ("height",)),
     "point_cloud": (PointCloud.load, ("file",), ("radius", "position", *ORIENTATION)),
     "robot": (_load_robot, ("robot", "q", "position"), ("finger_angle", *ORIENTATION)),
+}
+#: Of each shape that stands by itself.
+KINDS = {
+    "box": Box,
+    "sphere": Sphere,
+    "capsule": Capsule,
+    "cylinder": Cylinder,
+    "floor": Floor,
+    "point_cloud": PointCloud,
 }
 
 
@@ -289,7 +304,11 @@ class Scene:
             InvalidInputError: what comes is not a shape, or has another name.
             UnknownNameError: what leaves is not there, nor comes.
         """
-        for name, shape in coming.items():
+        leaving, coming = (
+            checks.listed("leaving", leaving),
+            checks.mapping("coming", coming, "a dict of names and shapes"),
+        )
+        for name, shape in zip(coming, _checked(coming.values()), strict=True):
             if shape.name != name:
                 raise InvalidInputError(f"obstacles[{name!r}] has the name {shape.name!r}")
         gone = {*leaving, *coming}
@@ -322,14 +341,39 @@ class Scene:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a .yaml, .yml or .json file; `docs/planning.md` has an example.
+        """Read a .yaml, .yml or .json file, as `save` writes it; `docs/planning.md` has an example.
 
         Raises:
             InvalidInputError: no such file, another ending, malformed, or wrong numbers; names the entry.
+            ModelError: the description of another robot is missing or malformed; names the entry.
             UnknownNameError: an unknown shape or key.
         """
-        obstacles, finger_angle, allow = _read_file(checks.path("path", path, "a file name"))
-        return cls(obstacles, finger_angle=finger_angle, allow=allow)
+        file = checks.path("path", path, "a file name")
+        obstacles, held, finger_angle, allow = _read_file(file)
+        found = cls(obstacles, finger_angle=finger_angle, allow=allow)
+        for shape, to in held:
+            found._keep(found.attach(shape, to).surroundings)
+        return found
+
+    def save(self, path: str | Path) -> None:
+        """Write a .json file that `load` reads to the same scene, to the last bit; clouds of points to files beside it.
+
+        Those are .npz files that begin with the file's name. Other robots are written by their name or file.
+
+        Raises:
+            InvalidInputError: another ending, the file cannot be written, a shape of your own, or another robot that
+                was loaded with options.
+        """
+        file = checks.path("path", path, "a file name")
+        if file.suffix.lower() != ".json":
+            raise InvalidInputError(f"a scene is saved as .json, got {str(file)!r}")
+        document: dict[str, object] = {"obstacles": _written(self, file)}
+        if self.finger_angle is not None:
+            document["finger_angle"] = self.finger_angle
+        if self.allow:
+            document["allow"] = self.allow
+        with files.replacing(file) as temporary:
+            temporary.write_bytes(orjson.dumps(document, option=orjson.OPT_INDENT_2))
 
     @classmethod
     def from_mujoco(
@@ -438,8 +482,86 @@ def _checked_pairs(name: str, pairs: Iterable[tuple[str, str]]) -> tuple[tuple[s
     return tuple(found)
 
 
-def _read_file(file: Path) -> tuple[list[Obstacle], float | None, tuple[tuple[str, str], ...]]:
-    """The shapes of a file, its finger angle, and the contact that it allows; see `Scene.load`."""
+def _written(scene: Scene, file: Path) -> list[dict[str, object]]:
+    """The entries of a file that `_obstacle` reads; clouds of points are written beside it.
+
+    Raises:
+        InvalidInputError: see `Scene.save`.
+    """
+    entries, robots = list[dict[str, object]](), set[OtherRobot]()
+    for index, obstacle in enumerate(scene.obstacles):
+        if isinstance(obstacle, RobotPart):
+            if obstacle.robot not in robots:
+                entries.append(_robot_entry(obstacle.robot, scene, file))
+            robots.add(obstacle.robot)
+            continue
+        entry = _entry(obstacle)
+        if isinstance(obstacle, PointCloud):
+            name = f"_{obstacle.name}" if re.fullmatch(r"[A-Za-z0-9_-]{1,100}", obstacle.name) else f".{index}"
+            cloud = file.with_name(f"{file.stem}{name}.npz")
+            obstacle.save(cloud)
+            entry["file"] = cloud.name
+        entries.append(entry)
+    return [*entries, *({**_entry(held.shape), HELD: held.to} for held in scene.attached)]
+
+
+def _entry(obstacle: Obstacle) -> dict[str, object]:
+    """One shape, without the file of a cloud.
+
+    Raises:
+        InvalidInputError: a shape that files do not have.
+    """
+    kind = next((kind for kind, each in KINDS.items() if type(obstacle) is each), None)
+    if kind is None:
+        raise InvalidInputError(f"{obstacle.name!r} is a {type(obstacle).__name__}, which no file of a scene holds")
+    entry: dict[str, object] = {"shape": kind, "name": obstacle.name}
+    for key in ("size", "radius", "length", "height"):
+        if hasattr(obstacle, key):
+            entry[key] = np.asarray(getattr(obstacle, key)).tolist()
+    return entry if isinstance(obstacle, Floor) else {**entry, **_place_entry(pose_of(obstacle))}
+
+
+def _robot_entry(other: OtherRobot, scene: Scene, file: Path) -> dict[str, object]:
+    """Another robot by its name or its file.
+
+    Raises:
+        InvalidInputError: it is not what either gives, or some of its shapes are not in the scene.
+    """
+    source = other.robot.source
+    word, place = source.bundled, source.path.resolve()
+    if word is None:
+        folder = file.parent.resolve()
+        word = os.fspath(place.relative_to(folder) if place.is_relative_to(folder) else place)
+    try:
+        known = word if source.bundled is not None else os.fspath(place)
+        again = fingerprint(_load_robot(other.name, known, other.q, pin.SE3.Identity()).robot)
+    except JacokinError:  # as without the folders of its meshes
+        again = ""
+    if again != fingerprint(other.robot):
+        raise InvalidInputError(f"{other.name!r} was loaded with options, which no file of a scene holds")
+    if not {part.name for part in other.parts} <= set(scene.names):
+        raise InvalidInputError(f"of the robot {other.name!r} some shapes are not in the scene: it cannot be saved")
+    entry = {"shape": "robot", "name": other.name, "robot": word, "q": np.asarray(other.q).tolist()}
+    entry |= _place_entry(poses.checked_pose(other.base))
+    return entry if other.finger_angle is None else {**entry, "finger_angle": other.finger_angle}
+
+
+def _place_entry(place: pin.SE3) -> dict[str, object]:
+    """Position and orientation of an entry: as a quaternion where that reads back to the same bits."""
+    entry: dict[str, object] = {"position": place.translation.tolist()}
+    if np.array_equal(place.rotation, np.eye(3)):
+        return entry
+    quat_wxyz = poses.quaternion(place.rotation)
+    if np.array_equal(pose(place.translation, quat_wxyz).rotation, place.rotation):
+        return {**entry, "quat_wxyz": quat_wxyz.tolist()}
+    return {**entry, "rotation": place.rotation.tolist()}
+
+
+_Read = tuple[list[Obstacle], list[tuple[Obstacle, str]], float | None, tuple[tuple[str, str], ...]]
+
+
+def _read_file(file: Path) -> _Read:
+    """The shapes of a file that stand, those that the arm holds, its finger angle, and the contact that it allows."""
     content = _content(file)
     finger_angle: float | None = None
     allow: tuple[tuple[str, str], ...] = ()
@@ -450,11 +572,17 @@ def _read_file(file: Path) -> tuple[list[Obstacle], float | None, tuple[tuple[st
         content = content.get("obstacles", [])
     if not isinstance(content, list):
         raise checks.refusal(f"{file}: obstacles", "a list of shapes", content)
-    obstacles = list[Obstacle]()
+    obstacles, held = list[Obstacle](), list[tuple[Obstacle, str]]()
     for index, entry in enumerate(content):
-        found = _obstacle(f"{file}, obstacle {index}", entry, index, file.parent)
-        obstacles += found.parts if isinstance(found, OtherRobot) else (found,)
-    return obstacles, finger_angle, allow
+        where = f"{file}, obstacle {index}"
+        found = _obstacle(where, entry, index, file.parent)
+        if isinstance(found, OtherRobot):
+            obstacles += found.parts
+        elif HELD in entry:
+            held.append((found, checks.word(f"{where}: {HELD}", entry[HELD])))
+        else:
+            obstacles.append(found)
+    return obstacles, held, finger_angle, allow
 
 
 def _content(file: Path) -> object:
@@ -487,11 +615,12 @@ def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle |
     name = given.get("name", Floor().name if build is Floor else f"{shape}_{index}")
     if not isinstance(name, str) or not name:
         raise checks.refusal(f"{where}: name", "a word", name)
-    values = {key: given[key] for key in keys if key in given}
+    values = {key: given[key] for key in keys if key in given and key != HELD}
     try:
         if set(ORIENTATION) <= set(keys):
             position = values.pop("position", np.zeros(3))
-            there = pose(position, values.pop("quat_wxyz", None), rpy=values.pop("rpy", None))
+            turned = {key: values.pop(key, None) for key in ORIENTATION}
+            there = pose(position, turned["quat_wxyz"], rpy=turned["rpy"], rotation=turned["rotation"])
             values["base" if shape == "robot" else "pose"] = there
         if "file" in values:
             values["path"] = folder / checks.word("file", values.pop("file"))
@@ -500,6 +629,8 @@ def _obstacle(where: str, entry: object, index: int, folder: Path) -> Obstacle |
         return build(name=name, **values)
     except InvalidInputError as error:
         raise InvalidInputError(f"{where}: {error}") from error
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}") from error
 
 
 def _check_keys(where: str, entry: Mapping[object, object], known: tuple[str, ...]) -> None:

@@ -248,6 +248,7 @@ def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set
 
     Raises:
         UnknownNameError: no shape, link or obstacle has a name.
+        InvalidInputError: both a link and an obstacle have it.
     """
     if not around.allow:
         return set()
@@ -259,8 +260,13 @@ def allowed_pairs(robot: Robot, around: Surroundings, arm: Sequence[str]) -> set
     others = {name: frozenset(part.name for part in other.parts) for name, other in robots.items()}
     held = {name: shapes for name, shapes in links.items() if shapes}
     groups = {"robot": frozenset(arm), **held, **each, **others}
+    both = {"robot", *held} & {*around.names, *robots}
     found = set[frozenset[str]]()
     for pair in around.allow:
+        for name in pair:
+            if name in both:
+                what = "all of the arm" if name == "robot" else "a link of the arm"
+                raise InvalidInputError(f"allow: {name!r} is {what} and an obstacle; give the obstacle another name")
         first, second = (groups[checks.choice("shape or link", name, groups)] for name in pair)
         found |= {frozenset((a, b)) for a in first for b in second if a != b}
     return found

@@ -79,7 +79,10 @@ class RobotArm(Entity):
 
         Raises:
             PhysicsError: a joint without limits is not a hinge.
+            InvalidInputError: the arm names no joints.
         """
+        if not len(checks.listed("joints", self.joints)):
+            raise InvalidInputError(f"{type(self).__name__}.joints is empty")
         bound = check_physics(physics).bind(self.joints)
         lower, upper = bound.range.T.copy()
         unlimited = bound.limited == 0

@@ -10,10 +10,8 @@ with the SHA-256 of each.
 
 from __future__ import annotations
 
-import functools
 import math
 import pickle
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import ExitStack
@@ -34,7 +32,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.many_configurations import Chain
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, checked_robot
 from jacokin.reachability.folder import MANIFEST, MapJob, load, make, make_recipe
 from jacokin.reachability.map import ReachabilityMap
 from jacokin.reachability.samples import (
@@ -93,8 +91,6 @@ def build(
     checks.optional(checks.instance, "grid", grid, Grid, "a Grid")
     checks.optional(checks.function, "progress", progress)
     solver = _solver(robot)
-    if solver.robot.dof < SIX:
-        raise StructureError(f"maps are of arms with six or seven joints; {solver.robot.label} has {solver.robot.dof}")
     if solver.dimension() != 1:
         solver.closed_form()
     found = NO_SYMMETRIES
@@ -115,14 +111,11 @@ def build(
             manifest.unlink(missing_ok=True)
         missing = [index for index in range(len(starts)) if index not in finished and index % mine[1] == mine[0]]
         with ExitStack() as stack:
-            work: Callable[[MapJob], str | bytes] = make
             if executor is None:
-                executor, done = stack.enter_context(ThreadPoolExecutor(usable_cores())), threading.Event()
-                stack.callback(done.set)  # before threads are waited for: Ctrl-C ends them within a pose
-                work = functools.partial(make, stopped=done.is_set)
+                executor = stack.enter_context(ThreadPoolExecutor(usable_cores()))
             total = min(samples.positions, (len(missing) + len(finished)) * size)
             advance = reporter(progress, total, min(total, len(finished) * size))
-            for index, content in run_jobs(work, _jobs(solver, samples, size, missing, chunks.keeper), executor):
+            for index, content in run_jobs(make, _jobs(solver, samples, size, missing, chunks.keeper), executor):
                 finished[index] = chunks.put(index, content)
                 advance(min(size, samples.positions - index * size))
         finished = chunks.finished()
@@ -148,6 +141,9 @@ def _solver(robot: Robot | IKSolver) -> IKSolver:
         InvalidInputError: neither a robot nor a solver, or contact is treated in a way that maps do not have.
         JacokinError: as `build`.
     """
+    arm = robot.robot if isinstance(robot, IKSolver) else checked_robot("robot", robot)
+    if not SIX <= arm.dof <= SIX + 1:
+        raise StructureError(f"maps are of arms with six or seven joints; {arm.label} has {arm.dof}")
     if not isinstance(robot, IKSolver):
         solver = IKSolver(robot, method="closed_form")
     else:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 import jacokin
 from jacokin import files
 from jacokin.arrays import Array
+from jacokin.chunks.execution import is_stopped
 from jacokin.chunks.folder import HASH_DIGITS, RECIPE, Keeper, digest, file_digest
 from jacokin.documents import read_json
 from jacokin.errors import InvalidInputError, JacokinError
@@ -244,7 +245,6 @@ def count_reaching(
     solver: IKSolver,
     targets: Array,
     orientations: Orientations | None = None,
-    stopped: Callable[[], bool] | None = None,
 ) -> PoseCounts:
     """How many configurations reach each of n poses (n, 4, 4), with what margin, and how many only in contact.
 
@@ -255,10 +255,9 @@ def count_reaching(
         solver: of the map.
         targets: poses.
         orientations: what they are made of, again and again in this order, where tools may turn about an axis.
-        stopped: asked before each pose that is looked at for itself; None for never.
 
     Raises:
-        CancelledError: it was stopped.
+        CancelledError: nobody waits for it, which is seen before each pose that is looked at for itself.
     """
     free = orientations if orientations is not None and orientations.axes is not None else None
     if not one_by_one(solver, free is not None):
@@ -269,7 +268,7 @@ def count_reaching(
     counts, touching = np.zeros((2, len(targets)), dtype=np.uint8)
     margins = np.full(len(targets), np.nan)
     for row, matrix in enumerate(targets):
-        if stopped is not None and stopped():
+        if is_stopped():
             raise CancelledError
         target = matrix if free is None else free.free_axis(row % len(free), matrix)
         number, margin, touch = _count_intervals(solver, target)
@@ -420,23 +419,19 @@ class MapJob:
     keeper: Keeper
 
 
-def make(job: MapJob, stopped: Callable[[], bool] | None = None) -> str | bytes:
+def make(job: MapJob) -> str | bytes:
     """Keep an NPZ file with the arrays that the recipe names; returns what `Keeper.keep` does.
-
-    Args:
-        job: the chunk.
-        stopped: tells that nobody waits for it any more; None where it cannot be told.
 
     Raises:
         JacokinError: this process has another version of jacokin.
-        CancelledError: it was stopped.
+        CancelledError: nobody waits for it any more.
     """
     if job.version != jacokin.__version__:
         raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the map needs {job.version}")
     targets = job.samples.targets(np.arange(job.first, job.stop))
     shape = targets.shape[:2]
     solver = unpickled_solver(job.solver)
-    found = count_reaching(solver, targets.reshape(-1, 4, 4), job.samples.orientations, stopped)
+    found = count_reaching(solver, targets.reshape(-1, 4, 4), job.samples.orientations)
     stream = io.BytesIO()
     np.savez_compressed(
         stream,

@@ -149,8 +149,10 @@ def imported(name: str) -> str:
     """A name without that of the module before a colon, which is imported.
 
     Raises:
-        InvalidInputError: it cannot be imported.
+        InvalidInputError: it cannot be imported; or not a name but a task, which has none yet.
     """
+    if isinstance(name, Task):
+        raise InvalidInputError("task must be a name, got a Task: register(task, id='mine/LiftMug-v0') gives it one")
     if not isinstance(name, str) or ":" not in name:
         return name
     module, _, plain = name.partition(":")

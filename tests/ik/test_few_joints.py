@@ -24,6 +24,7 @@ CHAINS = {
     "offset wrist": chain_of_arm("offset wrist"),
     "five": np.delete(chain_of_arm("xarm6"), 5, 0),
     "four": chain_of_arm("xarm6")[[0, 1, 2, 3, 6]],
+    "three": chain_of_arm("xarm6")[[0, 1, 2, 6]],
     "seven": np.insert(chain_of_arm("generic"), 3, chain_of_arm("offset wrist")[4], 0),
 }
 
@@ -36,15 +37,17 @@ def urdf_of(chain: Array) -> str:
 
 @cache
 def arm(folder: Path, name: str) -> Robot:
-    return load_text(folder / f"{name}.urdf", urdf_of(CHAINS[name]))
+    chain = np.insert(CHAINS["seven"], 5, CHAINS["seven"][2], 0) if name == "eight" else CHAINS[name]
+    return load_text(folder / f"{name}.urdf", urdf_of(chain))
 
 
-def test_what_few_joints_lack_is_said(folder: Path) -> None:
-    robot = arm(folder, "five")
-    with pytest.raises(StructureError, match=r"^the C library solves arms of six or seven joints; arm has 5$"):
+@pytest.mark.parametrize("joints", [5, 8])
+def test_what_few_and_many_joints_lack_is_said(folder: Path, joints: int) -> None:
+    robot = arm(folder, "five") if joints == 5 else arm(folder, "eight")
+    with pytest.raises(StructureError, match=rf"^the C library solves arms of six or seven joints; arm has {joints}$"):
         jacokin.ik.export_c(IKSolver(robot), folder / "c")
     assert not (folder / "c").exists()
-    with pytest.raises(StructureError, match=r"^maps are of arms with six or seven joints; arm has 5$"):
+    with pytest.raises(StructureError, match=rf"^maps are of arms with six or seven joints; arm has {joints}$"):
         build(robot, folder=folder / "map")
 
 
@@ -116,4 +119,34 @@ def test_an_axis_that_is_missed_by_rounding_is_accepted_by_the_tolerance_that_is
     result = IKSolver(robot).solve(target)
     assert result.status is Status.UNREACHABLE
     assert "the closest one misses by 7.3e-6 rad: orientation_tolerance=1e-5 accepts it" in result.message
-    assert IKSolver(robot, orientation_tolerance=1e-5).solve(target).success
+    accepting = IKSolver(robot, orientation_tolerance=1e-5)
+    assert accepting.solve(target).success
+    assert not accepting.solve_all(target).complete
+
+
+@pytest.mark.parametrize("name", ["five", "four", "three"])
+def test_poses_within_loose_tolerances_have_what_solve_finds(folder: Path, name: str, rng: np.random.Generator) -> None:
+    """Turned by a tenth of a radian from poses that the arm has."""
+    robot = arm(folder, name)
+    solver, exact = IKSolver(robot, orientation_tolerance=0.2), IKSolver(robot)
+    for q in robot.sample(rng, 6):
+        T = robot.forward_kinematics(q)
+        turned = rng.normal(size=3)
+        target = pin.SE3(pin.exp3(0.1 * turned / np.linalg.norm(turned)) @ T.rotation, T.translation)
+        found, result = solver.solve_all(target, q), solver.solve(target, q)
+        assert result.success, result.message
+        assert len(found)
+        assert not found.complete
+        assert "none of them exactly" in repr(found)
+        np.testing.assert_array_equal(found.q[0], result.q)
+        for point in found.q:
+            error = target.actInv(robot.forward_kinematics(point))
+            assert np.linalg.norm(error.translation) <= 1e-6
+            assert np.linalg.norm(pin.log3(error.rotation)) <= 0.2
+            assert robot.within_limits(point)
+        assert found.orientation_error.min() <= 0.1 + 1e-6  # q itself is turned by so much
+        assert not len(exact.solve_all(target, q))
+        assert exact.solve_all(target, q).complete
+        own = solver.solve_all(T, q)  # what is met exactly goes before
+        assert own.complete
+        np.testing.assert_allclose(own.q[0], q, atol=1e-7)

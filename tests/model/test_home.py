@@ -76,3 +76,10 @@ def test_home_of_shapes_that_always_overlap(tmp_path: Path) -> None:
     )
     robot = load_text(tmp_path / "coarse.urdf", f'<robot name="coarse">{links}{joints}</robot>')
     assert robot.within_limits(robot.home)
+
+
+def test_shapes_that_count_for_nothing_are_told_from_none(scene: Path) -> None:
+    """As of arms of which only the hand may touch something, and that something is elsewhere."""
+    scene.write_text(SCENE.replace("<geom ", '<geom contype="0" conaffinity="1" '))
+    robot = jacokin.load_robot(scene)
+    assert robot.home_source.endswith("; no two of its own shapes count as touching, by its description")

@@ -283,6 +283,12 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
         jacokin.load_robot(calibration=3)  # type: ignore[arg-type]  # a user's mistake
 
 
+@pytest.mark.parametrize("joints", [(), 5, ("joint_1",), (("joint_1", 0.1),), ((3, MeasuredJoint()),)])
+def test_arms_without_joints_are_refused(joints: object) -> None:
+    with pytest.raises(InvalidInputError, match="^joints must be "):
+        MeasuredArm("j2n6s300", "digest", joints)  # type: ignore[arg-type]  # a user's mistake
+
+
 def test_another_base_is_another_arm(robot: Robot, rng: np.random.Generator) -> None:
     arm = drawn_arm(robot, rng)
     with pytest.raises(ModelError, match="or another base than 'link_1'"):

@@ -157,6 +157,17 @@ def test_a_file_means_what_it_says(tmp_path: Path, robot: Robot, rng: np.random.
         ("- {shape: floor}\n- {shape: floor, name: floor}", InvalidInputError, r"'floor' is used by two"),
         ("- !!python/object/apply:os.getcwd []", InvalidInputError, r"not a YAML file"),
         ("- {shape: floor, height: 0, height: 1}", InvalidInputError, r"scene.yaml: the key 'height' is given twice"),
+        (
+            "- {shape: robot, robot: a.urdf, q: [0], position: [0, 0, 0]}",
+            ModelError,
+            "obstacle 0: .*a.urdf: no such file",
+        ),
+        ("- {shape: floor, attached_to: hand}", UnknownNameError, r"'attached_to'. Valid: shape, name, height"),
+        (
+            "- {shape: sphere, radius: 1, position: [0, 0, 0], attached_to: 3}",
+            InvalidInputError,
+            r"0: attached_to must",
+        ),
         ("obstacles: []\nobstacles: []", InvalidInputError, r"the key 'obstacles' is given twice"),
     ],
 )
@@ -329,6 +340,10 @@ def test_a_scene_does_not_change_into_nonsense() -> None:
             scene.adding(twice)
     with pytest.raises(UnknownNameError, match=r"tabel.*table"):
         scene.removing("floor", "tabel")
+    with pytest.raises(InvalidInputError, match="coming must be a dict of names and shapes, got 3"):
+        scene.changed([], 3)  # type: ignore[arg-type]  # a user's mistake
+    with pytest.raises(InvalidInputError, match="obstacles must be shapes with a name"):
+        scene.changed([], {"cup": 3})  # type: ignore[dict-item]  # a user's mistake
     with pytest.raises(UnknownNameError, match=r"tabel.*table"):
         scene.moving({"tabel": [0.0, 0.0, 0.0]})
     with pytest.raises(InvalidInputError, match="where a pose is given"):
@@ -371,3 +386,69 @@ def test_scenes_with_the_same_fingerprint_are_the_same(robot: Robot, tmp_path: P
     ]
     found = [each.surroundings.fingerprint for each in (scene, *others)]
     assert len(set(found)) == len(found)
+
+
+def test_a_saved_scene_is_read_as_it_was(robot: Robot, tmp_path: Path, rng: np.random.Generator) -> None:
+    """To the last bit, whatever the rotations: the fingerprint has them."""
+    turned = [pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)) for _ in range(4)]
+    scene = Scene(
+        [
+            Box("table", rng.uniform(0.1, 1.0, 3), turned[0]),
+            Capsule("post", 0.1 / 3.0, 0.6, turned[1]),
+            Cylinder("can", 0.03, 0.1, jacokin.pose([0.4, 0.2, 0.3], down=True)),
+            Sphere("ball", 0.1, rng.normal(size=3)),
+            PointCloud("seen", rng.normal(size=(20, 3)), 0.01, turned[2]),
+            PointCloud("behind the arm", rng.normal(size=(5, 3))),
+            Floor(-0.1),
+        ],
+        finger_angle=0.8,
+        allow=[("hand", "cup"), ("ball", "link_1")],
+    )
+    scene = scene.attach(Box("cup", [0.05, 0.05, 0.1], turned[3]), "link_6")
+    scene = scene.adding_robot(robot, robot.home + 0.1, name="other", base=turned[1], finger_angle=0.5)
+    file = tmp_path / "scene.json"
+    scene.save(file)
+    read = Scene.load(file)
+    assert read.surroundings.fingerprint == scene.surroundings.fingerprint
+    assert read.allow == scene.allow
+    assert [each.name for each in read.robots] == ["other"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.5.npz", "scene.json", "scene_seen.npz"]
+    (tmp_path / "elsewhere").mkdir()
+    for path in list(tmp_path.glob("scene*")):
+        path.rename(tmp_path / "elsewhere" / path.name)
+    moved = Scene.load(tmp_path / "elsewhere" / "scene.json")
+    assert moved.surroundings.fingerprint == scene.surroundings.fingerprint
+
+
+def test_scenes_that_no_file_holds_are_refused(robot: Robot, tmp_path: Path) -> None:
+    class Own:
+        name = "own"
+
+        def add_to(self, body: mujoco.MjsBody) -> None:
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0, 0])
+
+    with pytest.raises(InvalidInputError, match="'own' is a Own, which no file of a scene holds"):
+        Scene([Own()]).save(tmp_path / "own.json")
+    with pytest.raises(InvalidInputError, match="a scene is saved as .json, got"):
+        Scene().save(tmp_path / "scene.yaml")
+    limited = jacokin.load_robot(limits={"joint_1": (0.0, 1.0)})
+    with pytest.raises(InvalidInputError, match="'other' was loaded with options, which no file"):
+        Scene().adding_robot(limited, limited.home, name="other", base=[1.0, 0, 0]).save(tmp_path / "other.json")
+    parts = Scene().adding_robot(robot, robot.home, name="other", base=[1.0, 0, 0]).obstacles
+    with pytest.raises(InvalidInputError, match="of the robot 'other' some shapes are not in the scene"):
+        Scene(parts[:2]).save(tmp_path / "other.json")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(InvalidInputError, match="scene.json: cannot be written: No such file or directory"):
+        Scene().save(tmp_path / "missing" / "scene.json")
+    (tmp_path / "folder.json").mkdir()
+    with pytest.raises(InvalidInputError, match="folder.json: cannot be written: it is a folder"):
+        Scene().save(tmp_path / "folder.json")
+
+
+def test_names_of_links_and_obstacles_in_allowed_pairs_are_told_apart(robot: Robot) -> None:
+    """The obstacle was meant silently, so that contact with the link still counted."""
+    for name, what in (("hand", "a link of the arm"), ("robot", "all of the arm")):
+        scene = Scene([Box(name, [0.1, 0.1, 0.1], [1.0, 0.0, 0.0]), TABLE], allow=[(name, "table")])
+        with pytest.raises(InvalidInputError, match=f"allow: '{name}' is {what} and an obstacle"):
+            robot.clearance(robot.home, scene)
+        assert robot.clearance(robot.home, scene.removing(name)) > 0.0  # a name without contact that is allowed

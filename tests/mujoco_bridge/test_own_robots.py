@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from jacokin.errors import JacokinError
+from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.mujoco_bridge import Arena, JointsObservables, Physics, RobotArm, RobotHand
 from jacokin.mujoco_bridge.base import RobotArm as RobotArmOfBase
 
@@ -171,3 +171,15 @@ def test_what_is_abstract() -> None:
         RobotArm()  # type: ignore[abstract]
     with pytest.raises(TypeError, match="abstract"):
         RobotHand()  # type: ignore[abstract]
+
+
+def test_an_arm_that_names_no_joints_is_told_so() -> None:
+    class Jointless(Crane):
+        @property
+        def joints(self) -> list[mujoco.MjsJoint]:
+            return []
+
+    arm = Jointless()
+    physics = Physics.from_entity(arm)
+    with pytest.raises(InvalidInputError, match=r"^Jointless.joints is empty$"):
+        arm.randomize_arm_joints(physics, np.random.default_rng(0))

@@ -525,3 +525,10 @@ def test_arguments_that_cannot_be_copied_are_refused() -> None:
     module: Any = np
     with pytest.raises(InvalidInputError, match="cannot pickle 'module' object"):
         Lift(Primitive("box", name="cube"), height=module)
+
+
+def test_a_task_without_a_name_is_told_how_to_get_one() -> None:
+    task = Task(success=lambda state: False)
+    for make in (TaskEnv, jacokin.tasks.load):
+        with pytest.raises(InvalidInputError, match=r"task must be a name, got a Task: register\(task, id="):
+            make(task)  # type: ignore[arg-type]  # a user's mistake

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import functools
 import pickle
-import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import orjson
 
 import jacokin
 from jacokin.arrays import Array
+from jacokin.chunks.execution import is_stopped
 from jacokin.chunks.folder import Keeper
 from jacokin.errors import JacokinError
 from jacokin.ik.batches.batch import AnswerColumns
@@ -93,7 +93,7 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
     Raises:
         JacokinError: this process has another version of jacokin, or the disk is full.
         InvalidInputError: the file cannot be read.
-        CancelledError: who waits for it has stopped, see `heed`; chunks before are kept.
+        CancelledError: who waits for it has stopped, see `is_stopped`; chunks before are kept.
     """
     if job.version != jacokin.__version__:
         raise JacokinError(f"the worker has jacokin {jacokin.__version__}, and the batch needs {job.version}")
@@ -115,32 +115,13 @@ def make(job: ChunkJob) -> list[str | bytes] | None:
         return [each.result() for each in kept]
 
 
-class StopEvent(Protocol):
-    """An event of threads or of processes."""
-
-    def set(self) -> None:
-        """Stop the work."""
-
-    def is_set(self) -> bool:
-        """Whether it is to stop."""
-
-
-def heed(stop: StopEvent) -> None:
-    """Let an event stop the jobs of this worker, a thread or a process."""
-    _worker.stop = stop
-
-
-_worker = threading.local()
-
-
 def _go_on(rows: int) -> None:
     """Go on after some rows.
 
     Raises:
         CancelledError: the work is to stop.
     """
-    stop: StopEvent | None = getattr(_worker, "stop", None)
-    if stop is not None and stop.is_set():
+    if is_stopped():
         raise CancelledError
 
 

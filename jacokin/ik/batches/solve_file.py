@@ -14,9 +14,8 @@ import functools
 import pickle
 import shutil
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +30,7 @@ from jacokin.chunks.execution import (
     Progress,
     checked_executor,
     count_workers,
+    heed,
     reporter,
     run_jobs,
     usable_cores,
@@ -43,9 +43,7 @@ from jacokin.ik.batches.chunk import (
     ChunkJob,
     FileSummary,
     RowsInFile,
-    StopEvent,
     Tally,
-    heed,
     make,
     read_stamp,
     read_tally,
@@ -87,8 +85,8 @@ def solve_file(
 
     Args:
         solver: solves each target; sent to workers pickled.
-        targets: a file of targets by the ending of its name: .npz, .parquet, or else CSV; see `read_targets` for the
-            columns.
+        targets: a file of targets by the ending of its name: .npz, .npy, .parquet, or else CSV; see `read_targets` for
+            the columns.
         output: .csv, .npz or .parquet; replaced in one step when everything is solved.
         executor: any executor; None for threads of this process, or processes where targets go to the QP and workers
             are asked for.
@@ -131,14 +129,15 @@ def solve_file(
             missing = [index for index in range(len(batch.parts)) if index not in finished]
             show = reporter(progress, batch.total, resumed)
 
-            def chunks() -> Iterator[tuple[int, Path]]:
+            def chunks() -> Generator[tuple[int, Path], None, None]:
                 yield from finished.items()
                 for index, kept in batch.solve(missing, folder.keeper, ready):
                     path = folder.put(index, kept)
                     show(batch.parts[index].rows)
                     yield index, path
 
-            tally = write_answers(batch, folder, final, chunks())
+            with contextlib.closing(chunks()) as found:
+                tally = write_answers(batch, folder, final, found)
     return tally.summary(time.perf_counter() - began, batch.carried, resumed=resumed, output=out)
 
 
@@ -406,16 +405,15 @@ def _working(executor: Executor | None, workers: int | None, compiled: bool) -> 
         yield executor
         return
     if compiled or workers in (None, 1):
-        count = workers or (usable_cores() if compiled else 1)
-        stop: StopEvent = threading.Event()
-        own: Executor = ThreadPoolExecutor(count, initializer=heed, initargs=(stop,))
-    else:
-        import multiprocessing  # not for who solves in this process
+        with ThreadPoolExecutor(workers or (usable_cores() if compiled else 1)) as own:
+            yield own
+        return
+    import multiprocessing  # not for who solves in this process
 
-        stop = multiprocessing.get_context("spawn").Event()
-        own = worker_processes(workers or 1, heed, stop)
+    stop = multiprocessing.get_context("spawn").Event()
+    processes = worker_processes(workers or 1, heed, stop)
     try:
-        yield own
+        yield processes
     finally:
         stop.set()  # where the block failed, nobody waits for what has begun
-        own.shutdown(cancel_futures=True)
+        processes.shutdown(cancel_futures=True)

@@ -54,11 +54,13 @@ class Format(Protocol):
 
 
 FORMATS: dict[str, Format] = {".csv": csv_files, ".npz": npz_files, ".parquet": parquet_files}
+#: Of targets alone.
+TARGETS: dict[str, Format] = {".npy": npz_files, **FORMATS}
 
 
 def targets_format(path: Path) -> Format:
     """The format of a file of targets: CSV, unless its ending says otherwise."""
-    return FORMATS.get(path.suffix, csv_files)
+    return TARGETS.get(path.suffix, csv_files)
 
 
 def answers_format(path: Path, carried: Iterable[str] = ()) -> Format:

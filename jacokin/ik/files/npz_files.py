@@ -1,6 +1,6 @@
-"""NPZ files: targets, read piece by piece whether they are compressed or not, and answers.
+"""NPZ files: targets, read piece by piece whether they are compressed or not, and answers; NPY files of targets.
 
-An array (n,) is a column; those that are no part of the target are carried through.
+An array (n,) is a column; those that are no part of the target are carried through. An NPY file has the targets alone.
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ from jacokin.model.checks import NUMBER_KINDS
 
 #: Arrays with several columns, by their names and shapes, and the columns that they stand for.
 _GROUPS = {("position", (3,)): POSITION, ("quat_wxyz", (4,)): QUATERNION, ("rpy", (3,)): RPY}
-_MATRICES = (4, 4)
-NOT_NPZ = "is not an NPZ file"
+#: Shapes of a row of targets in one array, and the columns that they stand for.
+_ROWS = {(4, 4): POSITION + MATRIX, (7,): POSITION + QUATERNION, (3,): POSITION}
+_SHAPES = "(n, 4, 4), (n, 7) for x, y, z, qw, qx, qy, qz, or (n, 3)"
+NOT_NPZ, NOT_NPY = "is not an NPZ file", "is not an NPY file"
 _NEEDED = (
-    "needed: targets (n, 4, 4) or (n, 3); or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
+    f"needed: targets {_SHAPES}; or position (n, 3) with quat_wxyz (n, 4), rpy (n, 3) or nothing; "
     "or an array (n,) for each column of a CSV file"
 )
 NUMBERS = {status: number for number, status in enumerate(Status)}
@@ -78,6 +80,8 @@ def parts(path: Path, size: int) -> list[FilePart]:
 
 def read_names(path: Path) -> list[str]:
     """The names of a file's arrays, without those of answers. Errors as of `blocks`, of a file that cannot be read."""
+    if _is_array(path):
+        return []
     with files.open_archive(path, NOT_NPZ) as archive:
         names = [name.removesuffix(".npy") for name in archive.namelist()]
     is_solved = set(RESERVED[:3]) <= set(names)
@@ -87,6 +91,15 @@ def read_names(path: Path) -> list[str]:
 @contextlib.contextmanager
 def _reading(path: Path) -> Iterator[tuple[tuple[str, ...], list[_Member], dict[str, _Member]]]:
     """The columns, the arrays that hold them, in their order, and those that are carried through."""
+    if _is_array(path):
+        with files.parsing(path, NOT_NPY), files.open_bytes(path) as file:
+            targets = _Member(path, "", file, path.stat().st_size, stored=True)
+            columns, members = _columns_of_targets(path, targets), [targets]
+            targets.check_numbers()
+            if not targets.shape[0]:
+                raise InvalidInputError(f"{path}: has no rows of targets")
+            yield columns, members, {}
+        return
     with files.open_archive(path, NOT_NPZ) as archive, contextlib.ExitStack() as stack:
         names = [name.removesuffix(".npy") for name in archive.namelist()]
         found = {name: _opened(stack, archive, path, name) for name in names}
@@ -113,7 +126,7 @@ class _Member:
 
     def __init__(self, path: Path, name: str, file: IO[bytes], size: int, stored: bool) -> None:
         self.shape, self._fortran, self._dtype = files.array_header(file, size)
-        self._place, self._file, self.stored = f"{path}, array {name!r}", file, stored
+        self._place, self._file, self.stored = f"{path}, array {name!r}" if name else str(path), file, stored
         self._size = int(np.prod(self.shape[1:])) * self._dtype.itemsize
 
     def check_numbers(self) -> None:
@@ -162,12 +175,7 @@ def _opened(stack: contextlib.ExitStack, archive: zipfile.ZipFile, path: Path, n
 def _chosen(path: Path, found: dict[str, _Member]) -> tuple[tuple[str, ...], list[str]]:
     """The columns of a target, and the arrays that hold them."""
     if "targets" in found:
-        shape = found["targets"].shape[1:]
-        if shape not in (_MATRICES, (3,)):
-            raise InvalidInputError(
-                f"{path}: targets must have shape (n, 4, 4) or (n, 3), got {found['targets'].shape}"
-            )
-        return (POSITION + MATRIX if shape == _MATRICES else POSITION), ["targets"]
+        return _columns_of_targets(path, found["targets"]), ["targets"]
     flat = {name: place for place, name in enumerate(found) if len(found[name].shape) == 1}
     if set(POSITION) <= set(flat):
         columns = choose_columns(path, list(flat), "")
@@ -178,6 +186,18 @@ def _chosen(path: Path, found: dict[str, _Member]) -> tuple[tuple[str, ...], lis
         raise InvalidInputError(f"{path}: {_NEEDED}; found: {have}")
     columns_of = {name: columns for (name, _), columns in _GROUPS.items()}
     return tuple(column for name in names for column in columns_of[name]), names
+
+
+def _columns_of_targets(path: Path, targets: _Member) -> tuple[str, ...]:
+    """The columns that one array of targets has."""
+    if targets.shape[1:] not in _ROWS:
+        raise InvalidInputError(f"{path}: targets must have shape {_SHAPES}, got {targets.shape}")
+    return _ROWS[targets.shape[1:]]
+
+
+def _is_array(path: Path) -> bool:
+    """Whether a file is one array, told by the ending of its name."""
+    return path.suffix == ".npy"
 
 
 def _carried(found: dict[str, _Member], used: set[str], rows: int) -> dict[str, _Member]:

@@ -89,7 +89,12 @@ class TrackInterval(Interval):
         return float(least_margins(robot, self._least(by_margin(robot), self._members.seed)[np.newaxis])[0])
 
     def sample(self, n: int) -> tuple[Array, Array]:
-        """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
+        """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1.
+
+        Raises:
+            InvalidInputError: n is not a positive whole number.
+        """
+        n = checks.whole_number("n", n, lowest=1)
         if self.start == self.stop:
             p, rows = self._track.polyline()
             places = [0.5 * (len(p) - 1)] if n == 1 else np.linspace(0, len(p) - 1, n, endpoint=not self._is_round)
@@ -117,7 +122,12 @@ class TrackInterval(Interval):
         return between if whole else np.concatenate([[0.0], between, [last]])
 
     def walk(self, step: float) -> tuple[Array, Array]:
-        """Values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad]."""
+        """Values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad].
+
+        Raises:
+            InvalidInputError: the step is not positive.
+        """
+        step = checks.positive("step", step, "rad")
         p, rows = self._track.polyline()
         places = np.append(places_along(np.linalg.norm(np.diff(rows, axis=0), axis=1), step), len(rows) - 1.0)
         nodes = np.arange(len(p))

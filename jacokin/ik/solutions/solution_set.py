@@ -99,13 +99,20 @@ class Interval(ABC):
 
     @abstractmethod
     def sample(self, n: int) -> tuple[Array, Array]:
-        """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1."""
+        """Values of the parameter (n,) and members (n, dof) [rad], spread over the interval; the middle for n = 1.
+
+        Raises:
+            InvalidInputError: n is not a positive whole number.
+        """
 
     @abstractmethod
     def walk(self, step: float) -> tuple[Array, Array]:
         """Values of the parameter (n,) and configurations (n, dof), neighbours at most a step apart [rad].
 
         Where curves turn back, the parameter hardly changes and joints do.
+
+        Raises:
+            InvalidInputError: the step is not positive.
         """
 
     @property

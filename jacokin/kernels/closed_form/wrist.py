@@ -257,7 +257,7 @@ def refine(
     return q1, q5, q6, False
 
 
-class Step(NamedTuple):
+class RefiningStep(NamedTuple):
     """One of Newton's method on the three equations, none too long; and what it came from."""
 
     q1: float  # [rad], to be taken off
@@ -270,7 +270,7 @@ class Step(NamedTuple):
 
 def refining_step(
     k: ArmConstants, pose: Pose, one: tuple[float, float], five: tuple[float, float], six: tuple[float, float]
-) -> Step:
+) -> RefiningStep:
     """Newton's step from sines and cosines of joints 1, 5 and 6."""
     (s1, c1), (s5, c5), (s6, c6) = one, five, six
     D = mix(pose.D0, 1.0, pose.Dc, c6, pose.Ds, s6)
@@ -296,7 +296,7 @@ def refining_step(
     d6 = (-a11 * a32 * f2 - a21 * (a12 * f3 - f1 * a32)) / divisor
     size = max(abs(d1), abs(d5), abs(d6))
     scale = MAX_REFINE_STEP / size if size > MAX_REFINE_STEP else 1.0
-    return Step(d1 * scale, d5 * scale, d6 * scale, size, max(abs(f1), abs(f2), abs(f3)), det)
+    return RefiningStep(d1 * scale, d5 * scale, d6 * scale, size, max(abs(f1), abs(f2), abs(f3)), det)
 
 
 def refine_abreast(k: ArmConstants, pose: Pose, rows: Array) -> None:

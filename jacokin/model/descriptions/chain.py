@@ -107,7 +107,10 @@ def find_ends(full: pin.Model, base: str | None, tip: str | None, leaders: Mappi
         raise ModelError(f"tip {tip!r} does not descend from base {base!r}: no chain joins them")
     between = sorted(above_tip - above_base)
     if not between:
-        raise ModelError(f"no joint moves between base {base!r} and tip {tip!r}")
+        where = (
+            f"no joint moves tip {tip!r}" if base is None else f"no joint moves between base {base!r} and tip {tip!r}"
+        )
+        raise ModelError(where)
     if len(between) > MOST_JOINTS:
         raise ModelError(f"the chain has {len(between)} joints; at most {MOST_JOINTS} are read")
     frames = frames_on(full, end)  # not those of fingers, whose joints are locked

@@ -70,7 +70,7 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except MUJOCO_ERRORS as error:
-        raise ModelError(f"{path}: MuJoCo cannot load this file: {error}") from error
+        raise ModelError(f"{path}: MuJoCo cannot load this file: {' '.join(str(error).split())}") from error
     try:
         model.names.decode()
     except UnicodeDecodeError as error:

@@ -440,7 +440,9 @@ def read_srdf(path: Path) -> DisabledPairs:
     """
     try:
         text = files.read_bytes(path, files.DESCRIPTION).decode("utf-8-sig")
-    except (InvalidInputError, UnicodeDecodeError) as error:
+    except InvalidInputError as error:  # names the file
+        raise ModelError(str(error)) from error
+    except UnicodeDecodeError as error:
         raise ModelError(f"{path}: is not an SRDF that can be read: {error}") from error
     root = parse_xml(text, str(path))
     if any(sign in text for sign in (*TEMPLATE, "xacro:")):

@@ -24,6 +24,7 @@ from jacokin.motion.path import CartesianPath
 
 TOO_FAST = 1e3  # cost of a second beyond a velocity limit: avoided wherever another way leads on
 SHORTEST = 1e-9  # of a line: two knots this near that are still far apart in a joint are a jump
+LEAST_WEIGHT = 1e-4  # of the looser tolerance in least squares: what is tight is then met a hundred times as well
 
 
 class Manifold:
@@ -70,6 +71,8 @@ class Manifold:
         self.circular = np.array([*robot.unlimited, *[True] * path.free])
         self.lower, self.upper, self._snap = robot.lower, robot.upper, limit_snap
         self.tolerances = tolerances
+        first, second = (max(min(tolerances) / each, LEAST_WEIGHT) for each in tolerances)
+        self._weight = (first, second) if self.width < 6 else (1.0, 1.0)
 
     @property
     def has_curves(self) -> bool:
@@ -115,7 +118,7 @@ class Manifold:
         Coordinates that would pass a limit stay on it.
         """
         goal = self.goal(u)
-        found, worst = self.chain.close(x, goal)
+        found, worst = self.chain.close(x, goal, weight=self._weight)
         lower, upper = self.window_near(u, found)
         within = np.clip(found, lower, upper)
         beyond = np.abs(within - found)
@@ -124,7 +127,7 @@ class Manifold:
             rows = np.flatnonzero(((beyond > self._snap).any(axis=1)) & (beyond.max(axis=1) < 0.1))
             if rows.size:
                 held[rows] |= beyond[rows] > 0.0
-                found[rows], worst[rows] = self.chain.close(within[rows], goal.some(rows), held[rows])
+                found[rows], worst[rows] = self.chain.close(within[rows], goal.some(rows), held[rows], self._weight)
                 within[rows] = np.clip(found[rows], lower[rows], upper[rows])
                 beyond = np.abs(within - found)
         if self.width < 6:

@@ -227,7 +227,8 @@ class Ladder:
         work.numbers[LinkNumber.FARTHEST] = NEAR
         work.numbers[LinkNumber.FARTHEST_PARAMETER] = 2.5 * self._step  # from step to step of the path
         # What may be missed grows by 0.15 times the squared change of the parameter [m] and [rad].
-        work.numbers[[LinkNumber.DEVIATION, LinkNumber.TILT, LinkNumber.BEND]] = MISSED, TILTED, 0.15
+        missed, tilted = manifold.tolerances if manifold.width < 6 else (0.0, 0.0)
+        work.numbers[[LinkNumber.DEVIATION, LinkNumber.TILT, LinkNumber.BEND]] = MISSED + missed, TILTED + tilted, 0.15
         work.numbers[LinkNumber.HASTE] = TOO_FAST if self.keep else 0.0
         work.circular[:], work.scale[:] = manifold.circular, self.pace.scale
         work.circular[: manifold.dof][self._copies > 1] = 1

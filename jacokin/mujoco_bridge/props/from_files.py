@@ -166,12 +166,15 @@ class ModelFile(FreeProp):
 def _load(path: Path, changed: int, scale: float, decomposed: bool) -> MeshPart:
     """The mesh in a file; `changed` is when the file was."""
     import trimesh
+    from scipy.spatial import QhullError
 
     try:
         read = read_mesh_file(path, path.parent)
         vertices, faces = read.vertices * scale, read.faces.astype(np.int32)
         mesh = trimesh.Trimesh(vertices, faces)  # merges equal vertices, as .stl has them
         hull = mesh.convex_hull
+    except QhullError as error:
+        raise InvalidInputError(f"{path}: the mesh has no volume") from error
     except Exception as error:  # of the reader, or where no hull is found
         raise InvalidInputError(f"{path}: no mesh that can be read: {shown(error)}") from error
     if len(faces) == 0 or not np.isfinite(vertices).all() or not hull.volume > 0.0:

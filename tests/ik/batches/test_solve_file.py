@@ -11,6 +11,8 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -458,6 +460,29 @@ def test_a_full_disk_keeps_what_is_finished(
     assert solve_file(solver, source, out).resumed >= 2 * ROWS
 
 
+def test_a_run_on_threads_of_ones_own_ends_with_ctrl_c(
+    robot: Robot, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whose pool waits for chunks under way: these end within a target."""
+    monkeypatch.setattr(module, "ROWS", 10_000)
+    source, seen = write(tmp_path / "targets.csv", np.tile(targets, (4, 1, 1))), []
+    solver = IKSolver(robot, method="qp")
+
+    def slowly(*_: object, **__: object) -> object:
+        seen.append(1)
+        time.sleep(0.02)  # [s] of 920 in a chunk
+        return answer
+
+    answer = solver.solve(targets[0])
+    monkeypatch.setattr(IKSolver, "solve", slowly)
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), ThreadPoolExecutor(1) as executor:
+        solve_file(solver, source, tmp_path / "answers.csv", executor)
+    assert time.monotonic() - begun < 5.0
+    assert seen
+
+
 def test_a_signal_while_the_folder_is_made_leaves_nothing(
     solver: IKSolver, targets: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -470,6 +495,33 @@ def test_a_signal_while_the_folder_is_made_leaves_nothing(
     with pytest.raises(KeyboardInterrupt):
         solve_file(solver, source, tmp_path / "answers.csv")
     assert [path.name for path in tmp_path.iterdir()] == ["targets.csv"]
+
+
+@pytest.mark.parametrize("kind", ["matrices", "quaternions", "positions"])
+def test_one_array_is_a_file_of_targets(solver: IKSolver, targets: Array, tmp_path: Path, kind: str) -> None:
+    rows = {"matrices": targets, "quaternions": quaternions(targets), "positions": targets[:40, :3, 3]}[kind]
+    np.save(tmp_path / "targets.npy", rows)
+    solve_file(solver, tmp_path / "targets.npy", tmp_path / "answers.npz")
+    seeds = np.tile(solver.robot.home, (len(rows), 1))
+    poses = rows if kind == "positions" else targets
+    with np.load(tmp_path / "answers.npz") as answers:
+        np.testing.assert_allclose(answers["q"], solver.solve_batch(poses, seeds).q, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (np.zeros((3, 6)), r"targets must have shape \(n, 4, 4\), \(n, 7\) .*, got \(3, 6\)"),
+        (np.zeros((0, 3)), "has no rows of targets"),
+        (np.array([["a", "b", "c"]]), "must be rows of real numbers, got <U1 of shape"),
+        (np.float64(1.0), r"targets must have shape .*, got \(\)"),
+    ],
+)
+def test_arrays_that_are_no_targets_are_refused(solver: IKSolver, tmp_path: Path, rows: Array, words: str) -> None:
+    np.save(tmp_path / "targets.npy", rows)
+    with pytest.raises(InvalidInputError, match=f"targets.npy: {words}"):
+        solve_file(solver, tmp_path / "targets.npy", tmp_path / "answers.csv")
+    assert [path.name for path in tmp_path.iterdir()] == ["targets.npy"]
 
 
 REFUSED_FILES = [

@@ -554,6 +554,19 @@ def test_five_joints_follow_poses_that_they_reach_within_the_tolerances(tmp_path
     assert not plan_path(solver, [begin, sideways], speed=0.05, timing="slow").success
 
 
+def test_five_joints_follow_poses_that_they_reach_within_loose_tolerances(tmp_path: Path) -> None:
+    """Sideways an arm of five joints turns with its base, or its tool would not go there."""
+    arm = load("so101", tmp_path)
+    solver = IKSolver(arm, collision="ignore", orientation_tolerance=0.2)
+    begin = arm.forward_kinematics(arm.home)
+    begin = pin.SE3(pin.rpy.rpyToMatrix(0.03, 0.0, 0.04) @ begin.rotation, begin.translation)
+    end = pin.SE3(begin.rotation, begin.translation + np.array([-0.03, 0.03, 0.01]))
+    path = plan_path(solver, [begin, end], speed=0.05, timing="slow")
+    assert path.success, path.message
+    assert path.position_error.max() <= 1e-6
+    assert 0.02 < path.orientation_error.max() <= 0.2
+
+
 def test_an_arm_without_a_closed_form_is_refused(robot: Robot) -> None:
     with pytest.raises(StructureError, match="plan_path needs a closed form"):
         plan_path(IKSolver(robot, "link_4"), [at(0.4, -0.4, 0.3), at(0.4, -0.3, 0.3)])
