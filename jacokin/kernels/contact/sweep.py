@@ -152,6 +152,7 @@ def sweep_part(
     sweep: Sweep,
     part: Part,
     rows: NDArray[np.int64],
+    last: NDArray[np.int64],
     margin: float,
 ) -> int:
     """Write the pairs of shapes that could come as near as a margin on a part of a motion.
@@ -163,6 +164,7 @@ def sweep_part(
         sweep: its places are filled, and near which of them something was found.
         part: of the motion.
         rows: filled with the pairs.
+        last: (3,) what was found last is looked at first, see `Hits`.
         margin: [m].
 
     Returns:
@@ -170,6 +172,8 @@ def sweep_part(
     """
     arm, tree = geometry.arm, geometry.tree
     place_along(arm, counts.dof, places, sweep, part)
+    if touches_again(geometry.shapes, sweep, last, margin):
+        return TOUCHES_THERE
     know_joints(arm, counts.dof, sweep, part)
     for i in range(LANES):
         sweep.near[i] = 0
@@ -191,6 +195,21 @@ def sweep_part(
         if end == TOUCHES_THERE:
             return end
     return end
+
+
+def touches_again(shapes: Shapes, sweep: Sweep, last: NDArray[np.int64], margin: float) -> bool:
+    """Whether a shape and an obstacle that were found last touch in one of the places, which is left in the sweep."""
+    a, b = last[0], last[1]
+    if a < 0 or last[2] >= 0:
+        return False
+    s = shapes.numbers[a]
+    put_centres(sweep.links[shapes.integers[a, LINK]], s[CENTRE], s[CENTRE + 1], s[CENTRE + 2], sweep.point)
+    turn_into(shapes.numbers[b], sweep.point, sweep.local)
+    touching = first_touching(shapes, b, sweep.local, margin + radius_inside(shapes, a))
+    if touching < 0:
+        return False
+    sweep.found[0], sweep.found[1], sweep.found[2] = a, b, touching
+    return True
 
 
 def place_along(arm: ArmShapes, dof: int, places: Places, sweep: Sweep, part: Part) -> None:

@@ -25,7 +25,7 @@ from jacokin.kernels.contact.arm import (
 from jacokin.kernels.contact.cloud import shape_separation
 from jacokin.kernels.contact.separation import SeparationWork
 from jacokin.kernels.contact.shapes import CENTRE, LINK, RADIUS, Shapes, box_distance, point_bound
-from jacokin.kernels.contact.tree import Tree, node_bound
+from jacokin.kernels.contact.tree import Tree, reaches_node
 from jacokin.kernels.vector import Vec, minus, norm
 
 
@@ -107,6 +107,7 @@ def touching_obstacles(
             continue
         centre = (places.centres[g, 0], places.centres[g, 1], places.centres[g, 2])
         radius = arm.spheres[g, 3]
+        reach = max(radius + near, 0.0)
         for k in range(counts.planes):
             b = tree.planes[k]
             if point_bound(geometry.shapes, b, centre) - radius <= near:
@@ -119,7 +120,7 @@ def touching_obstacles(
         while size > 0:
             size -= 1
             node = stack[size]
-            if node_bound(tree, node, centre) - radius > near:
+            if not reaches_node(tree, node, centre, reach):
                 continue
             if tree.children[node, 0] >= 0:
                 stack[size], stack[size + 1] = tree.children[node, 0], tree.children[node, 1]
@@ -159,7 +160,7 @@ def touching_itself(
     """
     arm = geometry.arm
     for m in range(counts.meetings):
-        if meeting_bound(arm, places, m, margin) > margin:
+        if are_apart(arm, places, m, margin) or meeting_bound(arm, places, m, margin) > margin:
             continue
         for k in range(arm.meetings[m, FIRST_PAIR], arm.meetings[m, LAST_PAIR]):
             a, b, kept = arm.pairs[k, 0], arm.pairs[k, 1], margin - arm.less[k]
@@ -170,6 +171,16 @@ def touching_itself(
                 if not every:
                     return found, k
     return found, -1
+
+
+def are_apart(arm: ArmShapes, places: Places, m: int, margin: float) -> bool:
+    """Whether the spheres of two groups are farther apart than a margin [m]."""
+    g, h = arm.meetings[m, INNER], arm.meetings[m, OUTER]
+    x = places.centres[g, 0] - places.centres[h, 0]
+    y = places.centres[g, 1] - places.centres[h, 1]
+    z = places.centres[g, 2] - places.centres[h, 2]
+    reach = max(arm.spheres[g, 3] + arm.spheres[h, 3] + margin, 0.0)
+    return bool(x * x + y * y + z * z > reach * reach)
 
 
 def meeting_bound(arm: ArmShapes, places: Places, m: int, enough: float) -> float:

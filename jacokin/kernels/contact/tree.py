@@ -23,6 +23,15 @@ class Tree(NamedTuple):
     planes: NDArray[np.int64]  # (planes,) numbers of the shapes that have no end
 
 
+def reaches_node(tree: Tree, node: int, p: Vec, reach: float) -> bool:
+    """Whether a point comes as near to the box of a node as a reach, which is not negative [m]."""
+    box = tree.boxes[node]
+    u = max(abs(p[0] - box[0]) - box[3], 0.0)
+    v = max(abs(p[1] - box[1]) - box[4], 0.0)
+    w = max(abs(p[2] - box[2]) - box[5], 0.0)
+    return bool(u * u + v * v + w * w <= reach * reach)
+
+
 def node_bound(tree: Tree, node: int, p: Vec) -> float:
     """A lower bound of the distance from a point to what a node holds, negative inside of it [m]."""
     box = tree.boxes[node]

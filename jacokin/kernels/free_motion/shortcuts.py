@@ -18,7 +18,7 @@ from jacokin.kernels.free_motion.space import Space, difference, length_of, time
 from jacokin.kernels.free_motion.trees import MEETING, NONE, SearchInteger, Trees, node_at
 from jacokin.kernels.limits import TURN
 
-WORTH = 1e-3  # part of its time that a shortcut must save
+WORTH = 1e-2  # part of its time that a shortcut must save
 #: Where a way keeps its whole numbers: how many configurations it has, the number of its goal, and shortcuts in a row
 #: that were none.
 WayInteger = IntEnum("WayInteger", "POINTS GOAL FAILURES COUNT", start=0)

@@ -9,12 +9,13 @@ from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import place_links
 from jacokin.kernels.contact.motion import await_all, is_clear, look_at
 from jacokin.kernels.contact.run import ContactNumber, ContactWork, counts_of
+from jacokin.kernels.contact.shapes import LINK
 from jacokin.kernels.contact.sweep import STEPS, TOUCHES_THERE, Part, Sweep, sweep_part, touch_rows
 from jacokin.kernels.contact.touching import find_touching
 
 LOOKS = 6.0  # [1/rad] places of a motion that seems clear, where it comes near to something
 SWEPT = 0.3  # [rad] motions on which the joints turn less in sum are not swept
-MOST_SWEPT = 5.0  # [rad] in sum, by one sweep
+MOST_SWEPT = 8.0  # [rad] in sum, by one sweep
 
 
 class Sight(NamedTuple):
@@ -145,9 +146,13 @@ def sweep_along(sight: Sight, start: Array, low: float, high: float, margin: flo
     """
     contact, sweep = sight.contact, sight.sweep
     course, part = contact.course, Part(start, contact.course.step, sweep.bend, low, high)
-    end = sweep_part(contact.geometry, counts_of(contact), contact.places, sweep, part, course.near, margin)
+    counts, hits = counts_of(contact), contact.hits
+    end = sweep_part(contact.geometry, counts, contact.places, sweep, part, course.near, hits.last, margin)
     if end == TOUCHES_THERE:
-        course.pair[0], course.pair[1] = sweep.found[0], sweep.found[1]
+        a, b = sweep.found[0], sweep.found[1]
+        course.pair[0], course.pair[1] = a, b
+        if contact.geometry.shapes.integers[b, LINK] > counts.dof:
+            hits.last[0], hits.last[1], hits.last[2] = a, b, -1
         return TOUCHES_THERE
     size, i, gap = 0, 0, (high - low) / STEPS
     while i < STEPS:

@@ -31,7 +31,7 @@ from jacokin.kernels.free_motion.space import (
 )
 from jacokin.kernels.limits import TURN
 
-STEP = 1.0  # [rad] by which a tree grows at once, joints weighed by their speed
+STEP = 0.8  # [rad] by which a tree grows at once, joints weighed by their speed
 MEETING = 1e-9  # [rad] two configurations that are nearer are one
 PATIENCE = 50  # steps in a row that lead nowhere, after which the larger tree grows, too
 NONE = -1
@@ -136,9 +136,15 @@ def grow_trees(
     generator: NDArray[np.int64],
     samples: int,
 ) -> bool:
-    """Go on with a search for so many random configurations, or until there is no room; whether the trees met."""
-    integers = trees.integers
+    """Go on with a search for so many random configurations, or until there is no room; whether the trees met.
+
+    There is room for all that one of them may add, or it is not drawn: what is found does not depend on the room.
+    """
+    integers, most = trees.integers, len(trees.parents) // 2 - most_added(space, dof)
     for _ in range(samples):
+        if max(integers[SearchInteger.FIRST_SIZE], integers[SearchInteger.SECOND_SIZE]) > most:
+            integers[SearchInteger.IS_FULL] = 1
+            return False
         integers[SearchInteger.SAMPLES] += 1
         draw(trees, space, dof, generator)
         small = 0 if integers[SearchInteger.FIRST_SIZE] <= integers[SearchInteger.SECOND_SIZE] else 1
@@ -160,9 +166,16 @@ def grow_trees(
                     trees, space, dof, sight, hindrances, 1, integers[SearchInteger.MET_SECOND]
                 ):
                     return True
-        if integers[SearchInteger.IS_FULL]:
-            return False
     return False
+
+
+def most_added(space: Space, dof: int) -> int:
+    """How many configurations one random one can add to a tree: steps to the other end of where those lie."""
+    total = 0.0
+    for j in range(dof):
+        far = math.pi if space.unlimited[j] else space.high[j] - space.low[j]
+        total += (far * space.weights[j]) ** 2
+    return int(math.sqrt(total) / STEP) + 2
 
 
 def draw(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64]) -> None:
@@ -175,20 +188,33 @@ def draw(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64]) -> 
     roots = len(trees.parents) // 2
     for _ in range(DRAWS):
         goal = (roots + int(uniform(generator) * trees.integers[SearchInteger.ROOT_COUNT])) * dof
-        difference(space, dof, trees.q[:dof], trees.q[goal : goal + dof], trees.step)
-        for j in range(dof):
-            # Where both parts together take a joint no longer than the bound.
-            middle, half = trees.q[j] + 0.5 * trees.step[j], 0.5 * bound * space.speed[j]
-            low, high = middle - half, middle + half
-            if not space.unlimited[j]:
-                low, high = max(low, space.low[j]), min(high, space.high[j])
-            elif half > math.pi:
-                low, high = -math.pi, math.pi
-            q[j] = low + uniform(generator) * (high - low)
-            if space.unlimited[j]:
-                q[j] -= TURN * math.floor(q[j] / TURN + 0.5)
-        if is_worth(trees, space, dof, q):
+        if draw_on_way(trees, space, dof, generator, trees.q[goal : goal + dof]):
             return
+
+
+def draw_on_way(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64], goal: Array) -> bool:
+    """Fill a random configuration joint by joint, until a way through it to a goal is too long; whether it is not."""
+    q, bound, before, after = trees.sample, trees.numbers[SearchNumber.BOUND], 0.0, 0.0
+    difference(space, dof, trees.q[:dof], goal, trees.step)
+    for j in range(dof):
+        # Where both parts together take a joint no longer than the bound.
+        half = 0.5 * bound * space.speed[j]
+        low, high = 0.5 * trees.step[j] - half, 0.5 * trees.step[j] + half
+        if not space.unlimited[j]:
+            low, high = max(low, space.low[j] - trees.q[j]), min(high, space.high[j] - trees.q[j])
+        elif half > math.pi:
+            low, high = -math.pi, math.pi
+        turned = low + uniform(generator) * (high - low)
+        onwards = trees.step[j] - turned
+        q[j] = trees.q[j] + turned
+        if space.unlimited[j]:
+            q[j] -= TURN * math.floor(q[j] / TURN + 0.5)
+            turned -= TURN * math.floor(turned / TURN + 0.5)
+            onwards -= TURN * math.floor(onwards / TURN + 0.5)
+        before, after = max(before, abs(turned) / space.speed[j]), max(after, abs(onwards) / space.speed[j])
+        if before + after >= bound:
+            return False
+    return True
 
 
 def is_worth(trees: Trees, space: Space, dof: int, q: Array) -> bool:

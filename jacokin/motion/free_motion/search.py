@@ -162,7 +162,7 @@ class WaySearch:
         call.work.chosen[: len(roots)], call.work.integers[MotionInteger.ROOTS] = roots, len(roots)
         options, search = call.work.integers, call.work.trees.integers
         options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.BEGIN_SEARCH, 256  # between two looks
-        options[MotionInteger.TRIES_IN_VAIN] = 40  # one after another
+        options[MotionInteger.TRIES_IN_VAIN] = 70  # one after another
         options[MotionInteger.KEPT_FIRST] = options[MotionInteger.KEPT_LAST] = 0
         found = Found()
         while (stage := call()) != FINISHED:

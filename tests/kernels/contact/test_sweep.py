@@ -8,6 +8,7 @@ import pytest
 import jacokin
 from jacokin.arrays import Array
 from jacokin.ik import Box, Cylinder, Floor, Sphere
+from jacokin.kernels.contact.nearest import OWN_PAIR
 from jacokin.kernels.contact.run import counts_of, make_contact_work, run_contact
 from jacokin.kernels.contact.shapes import LINK
 from jacokin.kernels.contact.sweep import STEPS, TOUCHES_THERE, Part, levers_of, make_sweep, sweep_part
@@ -40,10 +41,10 @@ def pairs_of(geometry: Geometry) -> Array:
     return np.vstack([geometry.arm.pairs, outside])
 
 
-def check(geometry: Geometry, part: Part) -> int:
+def check(geometry: Geometry, part: Part, last: tuple[int, int, int] = (-1, -1, -1)) -> int:
     """Sweep a part of a motion; how many pairs are written, -1 where something touches."""
     work, sweep = make_contact_work(geometry, 1), make_sweep(geometry.arm)
-    count = sweep_part(geometry, counts_of(work), work.places, sweep, part, work.course.near, MARGIN)
+    count = sweep_part(geometry, counts_of(work), work.places, sweep, part, work.course.near, np.array(last), MARGIN)
     t = np.linspace(part.low, part.high, BETWEEN * STEPS + 1)[:, None]
     pairs = pairs_of(geometry)
     measured = measured_pairs(geometry, pairs, part.start + t * (part.step + t * part.bend))[..., 0]
@@ -52,7 +53,9 @@ def check(geometry: Geometry, part: Part) -> int:
         (which,) = np.flatnonzero((pairs == (a, b)).all(axis=1)).tolist()
         assert measured[BETWEEN * place, which] <= MARGIN + ROUNDING
         return -1
-    written = {tuple(row[1:3]) for row in work.course.near[:count].tolist()}
+    own = geometry.arm.pairs.tolist()
+    rows = work.course.near[:count].tolist()
+    written = {tuple(own[first]) if kind == OWN_PAIR else (first, second) for kind, first, second, _ in rows}
     for pair, away in zip(pairs.tolist(), measured.T, strict=True):
         if tuple(pair) not in written:
             assert away.min() > MARGIN, pair
@@ -72,6 +75,20 @@ def test_what_a_sweep_leaves_out_is_far(rng: np.random.Generator) -> None:
         low = rng.uniform(0.0, 0.8)
         found.append(check(geometry, Part(start, step, bend, low, 1.0)))
     assert max(found) >= 0
+
+
+def test_what_was_found_last_changes_no_sweep(rng: np.random.Generator) -> None:
+    geometry = Contact(jacokin.load_robot(), AMONG).geometry
+    links, dof, counts = geometry.shapes.integers[:, LINK], len(geometry.arm.joint_kinds), list[int]()
+    moving, obstacles = np.flatnonzero((links > 0) & (links <= dof)), np.flatnonzero(links > dof)
+    for _ in range(10):
+        start, step = rng.uniform([-3, 1, 1, -3, -3, -3], [3, 5, 5, 3, 3, 3]), rng.normal(size=6)
+        part = Part(start, step / np.abs(step).max(), np.zeros(6), 0.0, 1.0)
+        last = int(rng.choice(moving)), int(rng.choice(obstacles)), -1
+        counts.append(check(geometry, part))
+        assert check(geometry, part, last) == counts[-1]
+    assert -1 in counts
+    assert max(counts) >= 0
 
 
 @pytest.mark.parametrize("kind", ["sphere", "capsule", "box", "mesh"])

@@ -235,7 +235,8 @@ def test_a_search_without_room_says_so() -> None:
     call = problem(room=2)[0]
     assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == -1
     assert ask(call, run.MotionTask.BEGIN_SEARCH, 500) == 0
-    assert call.work.trees.integers[:2].max() == 2
+    assert call.work.trees.integers[SearchInteger.IS_FULL] == 1
+    assert call.work.trees.integers[SearchInteger.SAMPLES] == 0
     assert len(call.work.way.integers) == WayInteger.COUNT
 
 

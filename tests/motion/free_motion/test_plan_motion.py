@@ -154,11 +154,13 @@ def test_distances_are_measured_when_they_are_asked_for(robot: Robot, monkeypatc
 
 
 def test_more_ways_are_never_slower(robot: Robot, rng: np.random.Generator) -> None:
-    start, pose = ways_through(robot, rng)
-    solver = IKSolver(robot, collision="reject", scene=WALL)
-    durations = [plan_motion(solver, start, pose, time_limit=30.0, ways=ways).duration for ways in (1, 2, 4, 8)]
-    assert durations == sorted(durations, reverse=True)
-    assert durations[-1] < durations[0]
+    solver, quicker = IKSolver(robot, collision="reject", scene=WALL), 0
+    for _ in range(4):
+        start, pose = ways_through(robot, rng)
+        durations = [plan_motion(solver, start, pose, time_limit=30.0, ways=ways).duration for ways in (1, 2, 4, 8)]
+        assert durations == sorted(durations, reverse=True)
+        quicker += durations[-1] < durations[0]
+    assert quicker
 
 
 def test_trees_grow_beyond_their_first_room(
