@@ -219,6 +219,19 @@ def test_a_tracker_stops_before_a_cloud(robot: Robot, rng: np.random.Generator, 
     assert np.mean(found) > 0.01 + 0.7 * ahead
 
 
+@pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_hand_that_is_pressed_at_sparse_points_comes_to_rest(robot: Robot, seed: int) -> None:
+    """Only the direction of the surface that the nearest points make was kept: 119 jolts in three seconds."""
+    start, rng = robot.forward_kinematics(robot.home), np.random.default_rng(seed)
+    target = pin.SE3(start.rotation, start.translation + np.array([0.5, 0.0, 0.0]))
+    points = start.translation + np.column_stack([np.full(500, 0.2), rng.uniform(-0.2, 0.2, (500, 2))])
+    tracker = Tracker(robot, scene=Scene([PointCloud("wall", points, RADIUS)]), clearance=0.01)
+    steps = [tracker.step(target) for _ in range(500)]
+    assert jolts(np.array([step.v for step in steps]), tracker.acceleration_limit, tracker.dt) <= 16
+    assert np.abs(steps[-1].v).max() < 1e-3
+    assert 0.01 - 1e-9 < min(step.clearance or 0.0 for step in steps) < 0.0106
+
+
 def test_a_hand_that_is_led_along_a_cloud_does_not_shake(robot: Robot) -> None:
     """The direction to the nearest point leaps from point to point: the arm jolted up to 460 times in ten seconds."""
     grid = np.stack(np.meshgrid(np.arange(0.1, 0.8, 0.004), np.arange(-0.35, 0.35, 0.004)), axis=-1).reshape(-1, 2)

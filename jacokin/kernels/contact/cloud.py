@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from jacokin.arrays import Array
 from jacokin.kernels.contact.separation import OVERLAP, SeparationWork, separation
 from jacokin.kernels.contact.shapes import (
@@ -127,6 +130,54 @@ def cloud_separation(
         separation(shapes, pair, work, math.inf, -math.inf, math.inf, True)
     put(r, place)
     return float(min(least, beyond))
+
+
+def find_points(
+    shapes: Shapes, pair: NDArray[np.int64], work: SeparationWork, within: float, found: NDArray[np.int64]
+) -> int:
+    """Fill which points of a cloud, the second, are within a distance [m] of a convex shape, which is no plane.
+
+    Returns:
+        How many there are; more than there is room for if they are too many.
+    """
+    a, b = pair[0], pair[1]
+    r, stack = work.relative, work.stack
+    place = (r[0, 3], r[1, 3], r[2, 3])
+    first, total = shapes.integers[b, FIRST_VERTEX], shapes.integers[b, LAST_VERTEX] - shapes.integers[b, FIRST_VERTEX]
+    root, leaves = shapes.integers[b, FIRST_NODE], shapes.integers[b, LEAVES]
+    origin = (
+        -(r[0, 0] * place[0] + r[1, 0] * place[1] + r[2, 0] * place[2]),
+        -(r[0, 1] * place[0] + r[1, 1] * place[1] + r[2, 1] * place[2]),
+        -(r[0, 2] * place[0] + r[1, 2] * place[1] + r[2, 2] * place[2]),
+    )
+    stack[0], size, count = 0, 1, 0
+    while size > 0 and count <= len(found):
+        size -= 1
+        node = stack[size]
+        if node_separation(shapes, (a, b), work, root + node, place, origin, within) > within:
+            continue
+        if node < leaves - 1:
+            stack[size], stack[size + 1] = 2 * node + 1, 2 * node + 2
+            size += 2
+            continue
+        leaf = node - (leaves - 1)
+        for k in range(first + total * leaf // leaves, first + total * (leaf + 1) // leaves):
+            if point_separation(shapes, (a, b), work, k, place, within, False) <= within:
+                if count < len(found):
+                    found[count] = k
+                count += 1
+    put(r, place)
+    return count
+
+
+def separate_point(shapes: Shapes, pair: NDArray[np.int64], work: SeparationWork, k: int) -> float:
+    """The distance [m] of a convex shape and point k of a cloud, the second, with witnesses."""
+    r = work.relative
+    place = (r[0, 3], r[1, 3], r[2, 3])
+    put(r, turned(r, shapes.points[k], place))
+    distance = separation(shapes, (pair[0], pair[1]), work, math.inf, -math.inf, math.inf, True)
+    put(r, place)
+    return distance
 
 
 def node_separation(

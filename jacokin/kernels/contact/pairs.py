@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import Places, relate
-from jacokin.kernels.contact.cloud import shape_separation
+from jacokin.kernels.contact.cloud import find_points, separate_point, shape_separation
 from jacokin.kernels.contact.cloud_surface import find_surface
 from jacokin.kernels.contact.separation import SeparationWork
 from jacokin.kernels.contact.shapes import CLOUD, KIND, LINK, MARGIN, Shapes, core_support
@@ -27,6 +27,8 @@ LEVEL, SURFACE_NUMBERS = 10, 11
 #: little, as corners of a side that is not quite flat are nearest then, which are behind others after a large turn. All
 #: corners that are found, at most.
 TILTS, AXES, CORNERS = (0.15, 0.02), 8, 16
+#: Points of a cloud that are looked at one by one; where more are near, the surface that they make is.
+MOST_POINTS = 64
 #: [m] corners that are nearer to each other are one.
 ONE_CORNER = 1e-3
 
@@ -93,6 +95,31 @@ def measure_corners(
         if not is_known(rows, count):
             rows[count, 0] = rows[count, LEVEL] = dot(normal, minus(second, first)) - margins
             count += 1
+    return count
+
+
+def measure_points(
+    shapes: Shapes,
+    places: Places,
+    work: SeparationWork,
+    pair: NDArray[np.int64],
+    within: float,
+    found: NDArray[np.int64],
+    rows: Array,
+) -> int:
+    """Fill the numbers (MOST_POINTS, 11) of a shape and each point of a cloud, the second, within a distance [m].
+
+    Returns:
+        How many rows are filled; none where too many points are near.
+    """
+    relate(shapes, places.frames, pair[0], pair[1], work.relative)
+    count = find_points(shapes, pair, work, within, found)
+    if count > len(found):
+        return 0
+    for k in range(count):
+        row = rows[k]
+        row[0] = row[LEVEL] = separate_point(shapes, pair, work, found[k])
+        fill_points(shapes, places, pair, witness(work, 0), witness(work, 1), witness(work, 2), row)
     return count
 
 

@@ -142,7 +142,10 @@ def fill_bend(inverse: Inverse, y: Array, x: Array, turn: Array, damping: float,
 
 
 def damping_leaving(inverse: Inverse, y: Array, residual: float) -> float:
-    """The largest damping at which no more than a residual of y (6,), in its units, is left by damping alone."""
+    """The largest damping at which no more than a residual of y (6,), in its units, is left by damping alone.
+
+    What `EXACT` leaves, as in directions in which x cannot lead, does not count.
+    """
     largest = 0.0
     for i in range(SIX):
         largest = max(largest, inverse.squares[i])
@@ -151,7 +154,8 @@ def damping_leaving(inverse: Inverse, y: Array, residual: float) -> float:
         middle, left = math.sqrt(least * most), 0.0
         for i in range(SIX):
             if inverse.squares[i] >= 0.0:
-                part = along_left(inverse, i, y) * middle / (inverse.squares[i] + middle)
+                square = inverse.squares[i]
+                part = along_left(inverse, i, y) * square * (middle - EXACT) / ((square + middle) * (square + EXACT))
                 left += part * part
         if left <= residual * residual:
             least = middle

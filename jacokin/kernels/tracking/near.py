@@ -20,9 +20,11 @@ WORSE = 1e-9
 #: the distance grows (from the first shape, or the way out of an obstacle that something is inside), how fast the
 #: first shape comes nearer [m/s], how far apart the surfaces are along that vector [m], and the distance kept [m].
 DISTANCE, POINT, NORMAL, CLOSING, GAP, KEPT, NEAR_NUMBERS = 0, 1, 4, 7, 8, 9, 10
-#: Columns of its integers: the joints between its shapes are those from the first one to before the last, and 1 where
-#: something is inside its obstacle.
-FIRST_JOINT, LAST_JOINT, LEAVES, CORNERED, NEAR_INTEGERS = range(5)
+#: Columns of its integers: the joints between its shapes are those from the first one to before the last; 1 where
+#: something is inside its obstacle; 1 where its corners have inequalities, too, or `BY_POINTS`, where points of
+#: its cloud have them instead; the row of its own.
+FIRST_JOINT, LAST_JOINT, LEAVES, CORNERED, ROW, NEAR_INTEGERS = range(6)
+BY_POINTS = 2
 
 
 class NearPairs(NamedTuple):
@@ -30,7 +32,7 @@ class NearPairs(NamedTuple):
 
     counts: NDArray[np.int64]  # (4,) of pairs; of inequalities; of pairs that are too near; of faces of targets
     foresight: Array  # (1,) time in which obstacles that come nearer count [s]
-    integers: NDArray[np.int64]  # (pairs, 3)
+    integers: NDArray[np.int64]  # (pairs, 5)
     numbers: Array  # (pairs, 10)
     rows: Array  # (room dof,) filled: rows x <= ends, after those that are there already
     ends: Array  # (room,) [m]
@@ -72,7 +74,7 @@ def keep_apart(arm: JointFrames, near: NearPairs, first: int, begun: int) -> Non
         if near.integers[i, LEAVES] == 0:
             room = room_of(near, i)
             fill_change(arm, near, i, -1.0, near.rows, count * dof)
-            near.ends[count], near.rooms[count] = max(room, 0.0), room
+            near.ends[count], near.rooms[count], near.integers[i, ROW] = max(room, 0.0), room, count
             count += 1
     near.counts[1] = count
 

@@ -88,7 +88,7 @@ def add_place(tick: TickWork, reach: ReachWork, place: int, braked: Array) -> No
         if not placed:
             place_there(tick, reach, braked)
             placed = True
-        if not measure_there(tick, reach, i):
+        if not measure_there(tick, reach, k):
             continue
         tick.there.numbers[0, CLOSING] = 0.0  # it is where it will be
         r, room = aside.size[0], room_of(tick.there, 0)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.contact.pairs import CORNERS
+from jacokin.kernels.contact.pairs import CORNERS, MOST_POINTS
 from jacokin.kernels.tracking.aside import PLACES, Aside, make_aside
 from jacokin.kernels.tracking.limits import (
     CATCHING,
@@ -117,9 +117,9 @@ def make_joint_frames(dof: int = 0) -> JointFrames:
     return JointFrames(np.zeros(dof, np.int64), np.zeros((dof, 3, 4)), frames)
 
 
-def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
-    """Fresh arrays for so many joints, tasks and pairs of shapes."""
-    rows = tasks * max(dof, 6)
+def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0, clouds: int = 0) -> TickWork:
+    """Fresh arrays for so many joints, tasks and pairs of shapes, of which so many have a cloud."""
+    rows, more = tasks * max(dof, 6), 6 * tasks + CORNERS * pairs + MOST_POINTS * clouds
     return TickWork(
         np.zeros(TICK_COUNTS, np.int64),
         np.zeros(TICK_NUMBERS),
@@ -131,9 +131,9 @@ def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0) -> TickWork:
         make_task_rows(dof, tasks),
         np.zeros(rows),
         np.zeros(rows),
-        make_near_pairs(dof, pairs, 6 * tasks + CORNERS * pairs),
+        make_near_pairs(dof, pairs, more),
         make_near_pairs(dof, 1),
-        make_aside(dof, 6 * tasks + (1 + CORNERS + PLACES) * pairs),
+        make_aside(dof, more + (1 + PLACES) * pairs),
         make_problem(dof, rows),
         np.zeros((dof, 6)),
         np.zeros(2 * dof),

@@ -39,9 +39,14 @@ from jacokin.kernels.vector import Vec, cross, minus, mix
 ASIDE = 0.01
 #: Halvings of the range of damping in which no more is given away than needed.
 HALVINGS = 5
+#: Steps to how far the damping may be from the one before.
+DAMPING_TURNS = 12
+#: Part of the acceleration limits with which more of a twist is followed again, or another part of it given away.
+GENTLE = 0.25
 #: Part of its way in a tick by which the joints' path may bend towards a singular pose.
 BENT = 0.1
-#: A smaller part of a twist towards a singular pose is none, as joints would turn fast for next to nothing.
+#: A smaller part of a twist towards a singular pose is none, as joints would turn fast for next to nothing; up to twice
+#: as much fades to that.
 CREEPING = 5e-2
 #: Part of the acceleration limits that the bend of the joints' path may use.
 BENDING = 0.5
@@ -51,8 +56,9 @@ SETTLING, SETTLED = 1e-5, 0.5
 IDLE = 1e-6
 #: Part of a twist by which the tool may be faster than asked, to make up for what a tick left undone.
 HURRY = 5e-3
-#: What holds the arm back: nothing, a joint's velocity, its upper or lower limit, what is near, a singular pose.
-NOTHING, VELOCITY, UPPER_LIMIT, LOWER_LIMIT, NEARNESS, SINGULARITY = range(6)
+#: What holds the arm back: nothing, a joint's velocity, its upper or lower limit, what is near, a singular pose, a
+#: joint's acceleration.
+NOTHING, VELOCITY, UPPER_LIMIT, LOWER_LIMIT, NEARNESS, SINGULARITY, GENTLENESS = range(7)
 
 
 class TwistWork(NamedTuple):
@@ -63,8 +69,9 @@ class TwistWork(NamedTuple):
     line: Array  # (6,) that was followed over the last tick
     off: Array  # (6,) from the tool to where it was to be [m, rad]
     aside: Array  # (dof,) displacement that joints are to make as well, which does not move the tool [rad]
+    damping: Array  # (1,) with which the tick before gave some of its twist away, 0 for none; filled
     cause: NDArray[np.int64]  # (2,) filled: what holds the arm back, and which joint of it
-    part: Array  # (1,) filled: of the twist that can be followed
+    part: Array  # (1,) of the twist that was followed in it, 0 for none; filled with what can be followed
     followed: Array  # (6,) filled: the twist over this tick
     late: Array  # (6,) filled: how far the tool is behind its line, and stays [m, rad]
     wanted: Array  # (6,) filled: what is asked for in this tick, weighted
@@ -87,6 +94,7 @@ def make_twist_work(dof: int = 0) -> TwistWork:
         np.zeros(SIX),
         np.zeros(SIX),
         np.zeros(dof),
+        np.zeros(1),
         np.zeros(2, np.int64),
         np.zeros(1),
         np.zeros(SIX),
@@ -171,37 +179,80 @@ def largest_share(start: Array, change: Array, low: Array, high: Array) -> float
 def find_fastest(tick: TickWork, reach: ReachWork, work: TwistWork, size: float) -> None:
     """Find the displacement of a whole twist of some size, and the largest part of it that keeps every limit.
 
-    Where the joints cannot follow exactly, a little of the twist is given away, no more than needed.
+    Where the joints cannot follow exactly, a little of the twist is given away, no more than needed. As long as the arm
+    moves on, the damping that does it changes little from tick to tick, and the part grows gently.
     """
-    solve_damped(work.inverse, work.wanted, EXACT, work.tried)
-    take_tried(work, 1.0, NOTHING, 0)
-    if not any_of(work.found):
+    before, part = work.damping[0], work.part[0]
+    work.damping[0], work.part[0] = 0.0, -1.0
+    if not any_of(work.wanted):
+        for j in range(len(work.found)):
+            work.found[j] = 0.0
+        work.part[0], work.cause[0], work.cause[1] = 1.0, NOTHING, 0
         return
-    part, cause, joint = pace(tick, reach, work, EXACT)
-    take_tried(work, part, cause, joint)
-    if part >= 1.0:
-        return
+    find_damping(tick, reach, work, size, before if part > 0.0 else 0.0, part)
+    if part > 0.0:
+        for j in range(len(work.found)):
+            gentle = part + GENTLE * tick.limits[j, CHANGE] / max(abs(work.found[j]), TINY)
+            if gentle < work.part[0]:
+                work.part[0], work.cause[0], work.cause[1] = gentle, GENTLENESS, j
+
+
+def find_damping(tick: TickWork, reach: ReachWork, work: TwistWork, size: float, before: float, part: float) -> None:
+    """Find the least damping with which all of a twist of some size can be followed, or about the most of it.
+
+    Args:
+        tick: whose limits are kept.
+        reach: measures what is near.
+        work: with the twist.
+        size: of the twist.
+        before: the damping of the tick before, 0 for none; joints leave what they would do with it gently.
+        part: of the twist that was followed then.
+    """
     least, most = EXACT, damping_leaving(work.inverse, work.wanted, ASIDE * size)
-    damping = most
+    if before > 0.0:
+        before = min(before, most)
+        least, most = near_damping(tick, work, before, least, part), near_damping(tick, work, before, most, part)
+    if try_damping(tick, reach, work, least) >= 1.0:
+        return
+    if try_damping(tick, reach, work, most) < 1.0:
+        if least < before < most:
+            try_damping(tick, reach, work, before)
+        return
     for _ in range(HALVINGS):
-        solve_damped(work.inverse, work.wanted, damping, work.tried)
-        part, cause, joint = pace(tick, reach, work, damping)
-        if part > work.part[0] or part >= 1.0:
-            take_tried(work, part, cause, joint)
-        if part >= 1.0:
+        damping = math.sqrt(least * most)
+        if try_damping(tick, reach, work, damping) >= 1.0:
             most = damping
-        elif damping >= most:  # even the most is not enough
-            return
         else:
             least = damping
-        damping = math.sqrt(least * most)
 
 
-def take_tried(work: TwistWork, part: float, cause: int, joint: int) -> None:
-    """Take the displacement that was tried, of which so much can be followed, and what holds it back."""
-    for j in range(len(work.found)):
-        work.found[j] = work.tried[j]
-    work.part[0], work.cause[0], work.cause[1] = part, cause, joint
+def near_damping(tick: TickWork, work: TwistWork, before: float, end: float, part: float) -> float:
+    """The damping that is farthest towards an end at which a part of what joints do changes gently from one before."""
+    solve_damped(work.inverse, work.wanted, before, work.planned)
+    near, far = before, end
+    for turn in range(DAMPING_TURNS):
+        damping, fits = end if turn == 0 else math.sqrt(near * far), True
+        solve_damped(work.inverse, work.wanted, damping, work.tried)
+        for j in range(len(work.tried)):
+            fits = fits and part * abs(work.tried[j] - work.planned[j]) <= GENTLE * tick.limits[j, CHANGE]
+        if not fits:
+            far = damping
+        elif turn == 0:
+            return end
+        else:
+            near = damping
+    return near
+
+
+def try_damping(tick: TickWork, reach: ReachWork, work: TwistWork, damping: float) -> float:
+    """The part of the twist that can be followed with some damping; what does it is taken if none tried does more."""
+    solve_damped(work.inverse, work.wanted, damping, work.tried)
+    part, cause, joint = pace(tick, reach, work, damping)
+    if part > work.part[0] or part >= 1.0:
+        for j in range(len(work.found)):
+            work.found[j] = work.tried[j]
+        work.part[0], work.damping[0], work.cause[0], work.cause[1] = part, damping, cause, joint
+    return part
 
 
 def any_of(x: Array) -> bool:
@@ -292,7 +343,7 @@ def turning_part(tick: TickWork, work: TwistWork) -> float:
     # Towards a singular pose they get ever faster, or ever slower, up to where they would turn round beyond it.
     bent = BENT * math.sqrt(way) / max(math.sqrt(size), TINY) + max(-along, 0.0) / max(size, TINY)
     part = min(math.sqrt(BENDING * part), bent)
-    return part if along <= 0.0 or part > CREEPING else 0.0
+    return part if along <= 0.0 else min(part, max(2.0 * (part - CREEPING), 0.0))
 
 
 def fill_turn(tick: TickWork, x: Array, weights: Array, turn: Array) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import HINGE, place_links
-from jacokin.kernels.contact.pairs import measure_corners, measure_surfaces
-from jacokin.kernels.contact.shapes import RADIUS
+from jacokin.kernels.contact.pairs import LEVEL, measure_corners, measure_pair, measure_points, measure_surfaces
+from jacokin.kernels.contact.shapes import CLOUD, KIND, RADIUS
 from jacokin.kernels.tracking.near import (
     BUFFER,
+    BY_POINTS,
     CORNERED,
+    DISTANCE,
     FIRST_JOINT,
     GAP,
     LAST_JOINT,
@@ -16,6 +18,7 @@ from jacokin.kernels.tracking.near import (
     NEAR_NUMBERS,
     NORMAL,
     POINT,
+    ROW,
     change_of_distance,
     fill_change,
     keep_apart,
@@ -38,6 +41,9 @@ from jacokin.kernels.tracking.reach import (
 from jacokin.kernels.tracking.tasks import axis_of, place_joints
 from jacokin.kernels.tracking.tick import GUARDED, TickWork
 from jacokin.kernels.vector import cross, mix, norm
+
+#: [m] farther away than the nearest point of a cloud, up to which each point has an inequality of its own.
+BESIDE = 0.03
 
 
 def take_near(tick: TickWork, reach: ReachWork, first: int) -> None:
@@ -95,11 +101,15 @@ def place_there(tick: TickWork, reach: ReachWork, displacement: Array) -> None:
     place_joints(tick.arm, reach.at)
 
 
-def measure_there(tick: TickWork, reach: ReachWork, i: int) -> bool:
-    """Fill tick.there with pair i as it is where everything is placed; False where it is far."""
-    there, pair, row = tick.there, reach.pairs.integers[i], reach.measured[0]
-    far = watched_range(reach, i) + HORIZON
-    measure_surfaces(reach.geometry.shapes, reach.places, reach.pair, pair, far, reach.around, row)
+def measure_there(tick: TickWork, reach: ReachWork, k: int) -> bool:
+    """Fill tick.there with near pair k as it is where everything is placed; False where it is far."""
+    i, there, row = reach.near[k], tick.there, reach.measured[0]
+    pair, far = reach.pairs.integers[i], watched_range(reach, i) + HORIZON
+    if tick.near.integers[k, CORNERED] == BY_POINTS:
+        measure_pair(reach.geometry.shapes, reach.places, reach.pair, pair, far, row)
+        row[LEVEL] = row[0]
+    else:
+        measure_surfaces(reach.geometry.shapes, reach.places, reach.pair, pair, far, reach.around, row)
     if row[0] > far:
         return False
     note_near(reach, i, row, there.numbers[0])
@@ -125,14 +135,17 @@ def could_turn_near(tick: TickWork, reach: ReachWork, k: int) -> bool:
 def add_corners(tick: TickWork, reach: ReachWork, placed: bool) -> None:
     """Add inequalities for other corners of the pairs that the total could bring too near with them.
 
+    Each point of a cloud has one of its own: which of them is the nearest changes from tick to tick, and with it the
+    direction of the surface.
+
     Args:
         tick: with the total.
         reach: measures.
         placed: whether shapes are placed where the arm is.
     """
-    near, there, dof = tick.near, tick.there, len(tick.q)
+    near, there = tick.near, tick.there
     for k in range(near.counts[0]):
-        if near.integers[k, CORNERED] == 1 or not could_turn_near(tick, reach, k):
+        if near.integers[k, CORNERED] > 0 or not could_turn_near(tick, reach, k):
             continue
         if not placed:
             place_links(reach.geometry.arm, reach.counts[LINKS], reach.counts[GROUPS], tick.q, reach.places)
@@ -141,12 +154,27 @@ def add_corners(tick: TickWork, reach: ReachWork, placed: bool) -> None:
         i = reach.near[k]
         pair = reach.pairs.integers[i]
         there.integers[0, FIRST_JOINT], there.integers[0, LAST_JOINT] = pair[INNER], pair[OUTER]
-        shapes, corners = reach.geometry.shapes, reach.corners
-        for c in range(1, measure_corners(shapes, reach.places, reach.pair, pair, reach.around, corners)):
-            note_near(reach, i, corners[c], there.numbers[0])
+        shapes, rows = reach.geometry.shapes, reach.corners
+        if shapes.integers[pair[1], KIND] == CLOUD:
+            within = near.numbers[k, DISTANCE] - min(room_of(near, k), 0.0) + BESIDE
+            count = measure_points(shapes, reach.places, reach.pair, pair, within, reach.points, rows)
+            for c in range(count):
+                note_near(reach, i, rows[c], there.numbers[0])
+                add_row(tick, near.integers[k, ROW] if c == 0 else near.counts[1])
+            if count > 0:
+                near.integers[k, CORNERED] = BY_POINTS
+                continue
+        for c in range(1, measure_corners(shapes, reach.places, reach.pair, pair, reach.around, rows)):
+            note_near(reach, i, rows[c], there.numbers[0])
             # Points of a cloud beside the nearest one are farther away than they are along its surface's normal.
             there.numbers[0, GAP] = max(there.numbers[0, GAP], near.numbers[k, GAP])
-            room, at = room_of(there, 0), near.counts[1]
-            fill_change(tick.arm, there, 0, -1.0, near.rows, at * dof)
-            near.ends[at], near.rooms[at] = max(room, 0.0), room
-            near.counts[1] += 1
+            add_row(tick, near.counts[1])
+
+
+def add_row(tick: TickWork, at: int) -> None:
+    """Put the inequality for the pair that is measured there into a row, of which there may be one more."""
+    near, there = tick.near, tick.there
+    room = room_of(there, 0)
+    fill_change(tick.arm, there, 0, -1.0, near.rows, at * len(tick.q))
+    near.ends[at], near.rooms[at] = max(room, 0.0), room
+    near.counts[1] = max(near.counts[1], at + 1)

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik.qp_backend import Backend, Inequalities
 from jacokin.ik.targets import RADIAN_IN_METRES
+from jacokin.kernels.contact.shapes import CLOUD
+from jacokin.kernels.contact.shapes import KIND as SHAPE_KIND
 from jacokin.kernels.library import Call
-from jacokin.kernels.tracking.reach import FORESIGHT, ReachWork, make_reach_work
+from jacokin.kernels.tracking.reach import FORESIGHT, SECOND, ReachWork, make_reach_work
 from jacokin.kernels.tracking.run import (
     FROM_TWIST,
     LINEARISE,
@@ -157,7 +159,11 @@ class TickSolver:
 
     def _make_room(self, tasks: int, reach: ReachWork | None) -> None:
         """Make arrays for so many tasks, and for the pairs of shapes that are kept apart."""
-        work = make_tick_work(self._dof, tasks, 0 if reach is None else len(reach.pairs.bound))
+        number = clouds = 0
+        if reach is not None:
+            kinds = reach.geometry.shapes.integers[reach.pairs.integers[:, SECOND], SHAPE_KIND]
+            number, clouds = len(kinds), int((kinds == CLOUD).sum())
+        work = make_tick_work(self._dof, tasks, number, clouds)
         placements, kinds = self._joints
         work.arm.placements[:], work.arm.kinds[:] = placements, kinds
         work.limits[:] = self._limits.table

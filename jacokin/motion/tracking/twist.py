@@ -16,6 +16,7 @@ from jacokin.arrays import Array
 from jacokin.ik.targets import RADIAN_IN_METRES
 from jacokin.kernels.tracking.limits import TINY
 from jacokin.kernels.tracking.twist import (
+    GENTLENESS,
     LOWER_LIMIT,
     NEARNESS,
     SINGULARITY,
@@ -35,7 +36,12 @@ TURNS_FREE = 1e-4  # weight [m/rad] of turning against moving where an arm canno
 ASTRAY = (1e-3, 1e-2)  # [m, rad] farther than this from where it was to be, the tool takes its line with it
 NOTHING = 1e-5  # [m/s] a slower twist counts as none
 FOLLOWED = 0.98  # part of a twist that counts as all of it
-WORDS = {VELOCITY: "velocity", UPPER_LIMIT: "upper limit", LOWER_LIMIT: "lower limit"}
+WORDS = {
+    VELOCITY: "velocity",
+    UPPER_LIMIT: "upper limit",
+    LOWER_LIMIT: "lower limit",
+    GENTLENESS: "acceleration",
+}
 
 
 class TwistLine(NamedTuple):
@@ -45,6 +51,10 @@ class TwistLine(NamedTuple):
     """T_base_tool that was asked for, as far as the arm could follow."""
     twist: Array
     """(6,) the twist that was followed over the last tick, at the tool in base axes [m/s, rad/s]."""
+    damping: float = 0.0
+    """With which some of it was given away."""
+    part: float = 0.0
+    """Of the twist that was asked for."""
 
 
 class TwistStep(NamedTuple):
@@ -114,6 +124,7 @@ class TwistFollower:
         work = self._ticks.twist
         work.weights[...], work.twist[...], work.line[...], work.off[...] = self._weights, twist, line.twist, off
         work.aside[...] = 0.0 if aside is None else aside
+        work.damping[0], work.part[0] = line.damping, line.part
 
     def found(self, line: TwistLine) -> TwistStep:
         """What the kernel has made of it."""
@@ -123,8 +134,9 @@ class TwistFollower:
         if cause in (NEARNESS, SINGULARITY):
             word = "what is near" if cause == NEARNESS else SINGULAR_POSE
         followed = work.followed.copy()
+        damping, part = float(work.damping[0]), float(work.part[0])
         after = moved(line.pose, followed - work.late / self._dt, self._dt)
-        return TwistStep(TwistLine(after, followed), float(work.part[0]), word)
+        return TwistStep(TwistLine(after, followed, damping, part), part, word)
 
     def lag(self, v: Array) -> float:
         """What velocities (dof,) [rad/s] leave of the twist that was asked for, as a part of it."""

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from jacokin.arrays import Array
+from jacokin.kernels.contact.cloud import find_points, separate_point
 from jacokin.kernels.contact.cloud_surface import AROUND_NUMBERS, MOST_AROUND, find_surface
 from jacokin.kernels.contact.separation import make_separation_work
-from jacokin.kernels.contact.shapes import Shapes
+from jacokin.kernels.contact.shapes import MARGIN, Shapes
 from jacokin.model import PointCloud
 from jacokin.model.descriptions import mjcf
 from jacokin.model.mujoco_twin import shapes_of_twin
@@ -85,3 +86,21 @@ def test_between_a_floor_and_a_wall_it_looks_away_from_both(rng: np.random.Gener
         assert max(normal[0], normal[2]) < 0.1
         assert before is None or np.linalg.norm(normal - before) < 0.1
         before = normal
+
+
+@pytest.mark.parametrize("within", [0.01, 0.03, 0.2])
+def test_all_points_that_are_near_are_found(within: float, rng: np.random.Generator) -> None:
+    points = rng.uniform(-0.1, 0.1, (200, 3))
+    shapes, work, found = cloud_of(points, rng), make_separation_work(), np.zeros(50, dtype=np.int64)
+    pair, ball = np.array([0, 1]), float(shapes.numbers[0, MARGIN])
+    for at in rng.uniform(-0.1, 0.1, (10, 3)):
+        work.relative[:, :3], work.relative[:, 3] = np.eye(3), -at
+        count = find_points(shapes, pair, work, within, found)
+        distances = np.linalg.norm(shapes.points - at, axis=1) - ball - RADIUS
+        if np.count_nonzero(distances <= within) > len(found):
+            assert count > len(found)
+            continue
+        np.testing.assert_array_equal(np.sort(found[:count]), np.flatnonzero(distances <= within))
+        for k in found[:count]:
+            assert separate_point(shapes, pair, work, int(k)) == pytest.approx(distances[k], abs=1e-9)
+            np.testing.assert_allclose(work.relative[:, 3], -at)

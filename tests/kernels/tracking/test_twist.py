@@ -7,7 +7,14 @@ import pytest
 
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import SLIDE
-from jacokin.kernels.tracking.inverse import damping_leaving, decompose, fill_bend, make_inverse, solve_damped
+from jacokin.kernels.tracking.inverse import (
+    EXACT,
+    damping_leaving,
+    decompose,
+    fill_bend,
+    make_inverse,
+    solve_damped,
+)
 from jacokin.kernels.tracking.tasks import LINK, PLACEMENT, fill_columns, place_joints
 from jacokin.kernels.tracking.tick import TickWork, make_tick_work
 from jacokin.kernels.tracking.twist import fill_turn, tool_of
@@ -56,6 +63,19 @@ def test_damping_leaves_no_more_than_is_allowed(dof: int, rng: np.random.Generat
         damping = damping_leaving(inverse, y, 0.01)
         solve_damped(inverse, y, damping, x)
         assert 0.009 < np.linalg.norm(jacobian @ x - y) <= 0.01
+
+
+def test_what_no_damping_reaches_does_not_count(rng: np.random.Generator) -> None:
+    """A direction that all joints leave alone allowed no damping at all."""
+    jacobian, y = rng.normal(size=(6, 6)), rng.normal(size=6)
+    jacobian[2] = 0.0
+    inverse, exact, x = make_inverse(6), np.zeros(6), np.zeros(6)
+    inverse.jacobian[:] = jacobian.ravel()
+    decompose(inverse)
+    solve_damped(inverse, y, EXACT, exact)
+    damping = damping_leaving(inverse, y, 0.01)
+    solve_damped(inverse, y, damping, x)
+    assert 0.009 < np.linalg.norm(jacobian @ (x - exact)) <= 0.01
 
 
 def tool_columns(tick: TickWork, q: Array) -> Array:

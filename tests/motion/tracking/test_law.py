@@ -17,6 +17,7 @@ import pytest
 import jacokin
 from benchmarks import streams
 from benchmarks.smooth import jolts, reversals, stands_after, target_reversals
+from fuzz.six_joints import random_arm
 from jacokin import Robot, Tracker
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, UnknownNameError
@@ -345,6 +346,39 @@ def test_a_twist_along_singular_poses_does_not_shake_joints_that_are_drawn_to_th
     twist = [0.0, 0.0, 0.0, *(0.4 * way / np.linalg.norm(way))]  # [rad/s]
     reference = "local" if at_zero else "local_world_aligned"
     v = np.array([tracker.step(twist=twist, reference=reference).v for _ in range(700)])
+    assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
+    assert turns(v, robot.velocity_limit, DT) <= MORE
+
+
+#: Origins [m] and axes of five joints.
+FIVE_ALONG_A_LIMIT = (
+    ("0.149 0 0.097", "0 1 0"),
+    ("-0.028 0 -0.121", "1 0 0"),
+    ("0 -0.113 0", "1 0 0"),
+    ("0.022 0.008 -0.034", "0 0 1"),
+    ("-0.072 0 -0.03", "-0.0729 0.6 0.7966"),
+)
+
+
+@pytest.mark.parametrize(
+    ("arm", "number", "reference"),
+    [(None, 4, "local"), (30, 5, "world"), pytest.param(22, 6, "local_world_aligned", marks=pytest.mark.slow)],
+)
+def test_what_is_given_away_of_a_twist_changes_gently(
+    tmp_path: Path, arm: int | None, number: int, reference: str
+) -> None:
+    """The damping that does it was searched for anew in each tick, and so was whether it is worth while to creep on."""
+    path = tmp_path / "arm.urdf"
+    rows = [(origin, "0 0 0", axis) for origin, axis in FIVE_ALONG_A_LIMIT]
+    five = ur5_text(rows=rows, limit=1.8)
+    path.write_text(five if arm is None else random_arm(np.random.default_rng([5, arm])))
+    robot = jacokin.load_robot(path, velocity_limit=10.0 if arm is None else None)
+    rng = np.random.default_rng([number, 11])
+    way, axis = (x / np.linalg.norm(x) for x in rng.normal(size=(2, 3)))
+    twists = [0.1 * way, np.zeros(3)], [np.zeros(3), 0.4 * way], [0.1 * way, 0.3 * axis]  # [m/s, rad/s]
+    tracker = Tracker(robot, dt=DT, q=robot.sample(rng))
+    twist = np.concatenate(twists[number % 4])
+    v = np.array([tracker.step(twist=twist, reference=reference).v for _ in range(600)])
     assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
     assert turns(v, robot.velocity_limit, DT) <= MORE
 
