@@ -86,7 +86,7 @@ def make_work(rows: Array) -> Work:
 def solve_pose(arm: Array, k: ArmConstants, query: PoseQuery, work: Work) -> None:
     """Fill work.branches.rows with every branch of one target, in no particular order."""
     work.branches.filled[0], work.branches.filled[1] = 0, 0
-    work.branches.fold.filled[0], work.branches.lanes.filled[0] = 0, 0
+    work.branches.fold.filled[0], work.branches.lanes.filled[0], work.six.vanishes[0] = 0, 0, 0
     if k.six.scale > 0.0:
         solve_six_joints(k.six, query, work.six, work.branches)
         return

@@ -84,7 +84,7 @@ def solve_six_joints(arm: SixArm, query: PoseQuery, work: SixWork, branches: Bra
     continuum of which a neighbour has none: those are for who asks to find, see `continua`.
     Where no branch is there, it may be that two which meet in one are none of the neighbours'.
     """
-    branches.fold.filled[0], branches.lanes.filled[0], work.vanishes[0] = 0, 0, 0
+    branches.fold.filled[0], branches.lanes.filled[0] = 0, 0
     if arm.form == Form.SPHERICAL_WRIST:
         if branches_of_spherical_wrist(arm, query, work.candidates, work.roots.fourier, branches):
             return
