@@ -62,12 +62,19 @@ class Candidates(NamedTuple):
     sine: Array  # (6,)
     rotation: Array  # (3, 3) what the last joints must make together
     state: NDArray[np.int64]  # (4,)
+    slack: Array  # (1,) how far beyond its edge the equation of the last angles may be, see `slack_after`
 
 
 def make_candidates() -> Candidates:
     """Fresh work arrays."""
     return Candidates(
-        np.zeros((6, 3, 4)), np.zeros(6), np.zeros(6), np.zeros(6), np.zeros((3, 3)), np.zeros(4, np.int64)
+        np.zeros((6, 3, 4)),
+        np.zeros(6),
+        np.zeros(6),
+        np.zeros(6),
+        np.zeros((3, 3)),
+        np.zeros(4, np.int64),
+        np.zeros(1),
     )
 
 

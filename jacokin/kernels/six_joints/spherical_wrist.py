@@ -42,7 +42,7 @@ from jacokin.kernels.six_joints.candidates import (
 )
 from jacokin.kernels.six_joints.equations import turned_back_by, turned_by
 from jacokin.kernels.six_joints.loop import SixArm, column_of, fill_links, joint_of
-from jacokin.kernels.tolerances import ALIGNED_SINE, DISTINCT, FREE_ANGLE, SMALLEST_NOISE
+from jacokin.kernels.tolerances import ALIGNED_SINE, DISTINCT, EXACT_STRUCTURE, FREE_ANGLE, SMALLEST_NOISE
 from jacokin.kernels.vector import Vec, dot
 
 #: A function of theta_3: constant part, parts of cosine and sine.
@@ -143,6 +143,7 @@ def at_linear_roots(
         for k in range(3):
             if not skips(twos, SIGNS[k]):
                 state[FormState.FREE], state[FormState.FOLDS] = threes.free + twos.free, threes.fold + twos.fold
+                work.slack[0] = slack_after(state[FormState.FOLDS])
                 middle = (threes.fold > 0 and SIGNS[i] == 0.0) or (twos.fold > 0 and SIGNS[k] == 0.0)
                 take(work, 1, twos, SIGNS[k])
                 turn_wrist(arm, reach, wrist, f, middle, query, work, branches)
@@ -176,6 +177,8 @@ def at_quartic_roots(
         f = (at_turn(reach, 0, c, s), at_turn(reach, 1, c, s), at_turn(reach, 2, c, s))
         take_unit(work, 1, unit_from_to(f[0], f[1], at(x, c, s), at(y, c, s)))
         state[FormState.FREE], state[FormState.FOLDS] = 0, 0
+        # What the structure may miss moves the root, most where others are near it.
+        work.slack[0] = slack_after(0) + EXACT_STRUCTURE / SMALLEST_NOISE * noise / abs(slope)
         if f[0] * f[0] + f[1] * f[1] < FREE_ANGLE * FREE_ANGLE:
             take_angle(work, 1, query.seed[joint_of(arm.form_labelling, 1)])
             state[FormState.FREE] = 1
@@ -282,8 +285,9 @@ def turn_wrist(
     free, folds = state[FormState.FREE] + on_axis, state[FormState.FOLDS]
     Q = work.rotation
     # Q = Rz(theta_4) L_4 Rz(theta_5) L_5 Rz(theta_6): its z column and row.
-    fives = pair_of_triangle(wrist, math.sqrt(Q[0, 2] * Q[0, 2] + Q[1, 2] * Q[1, 2]), Q[2, 2], slack_after(folds))
-    if fives.there == 0 and free > 0:
+    sine = math.sqrt(Q[0, 2] * Q[0, 2] + Q[1, 2] * Q[1, 2])
+    fives = pair_of_triangle(wrist, sine, Q[2, 2], work.slack[0])
+    if (fives.there == 0 and free > 0) or (wrist.alike and fives.free == 0 and sine < work.slack[0]):
         state[FormState.UNSETTLED] = 1
     for i in range(3):
         if skips(fives, SIGNS[i]):
