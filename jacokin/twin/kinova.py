@@ -267,13 +267,20 @@ class KinovaDriver(ArmController[Command | Push]):
         """Angles of fingers (k,) [rad] as the driver counts them, 0 open, 6800 closed.
 
         Raises:
-            InvalidInputError: not numbers.
+            InvalidInputError: not numbers, or more than 1e6 rad.
         """
+        angles = checks.array("fingers", fingers, "numbers of at most 1e6", "rad")
+        if (np.abs(angles) > 1e6).any():  # their turns may overflow
+            raise checks.refusal("fingers", "numbers of at most 1e6", fingers, "rad")
         lower, upper = self.arm.finger_range
-        return np.asarray((checks.array("fingers", fingers, "numbers", "rad") - lower) / (upper - lower) * TURNS)
+        return np.asarray((angles - lower) / (upper - lower) * TURNS)
 
     def finger_angles(self, turns: Array) -> Array:
-        """The inverse of `finger_turns`; errors as there."""
+        """Angles of fingers (k,) [rad] of turns as the driver counts them: the inverse of `finger_turns`.
+
+        Raises:
+            InvalidInputError: not numbers.
+        """
         lower, upper = self.arm.finger_range
         return np.asarray(lower + checks.array("turns", turns, "numbers") / TURNS * (upper - lower))
 

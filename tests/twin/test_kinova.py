@@ -357,6 +357,7 @@ def test_what_is_malformed_is_refused(motion: Trajectory) -> None:
         lambda: made.follow("now", [[0.0] * 6]),
         lambda: made.cancel(other),
         lambda: made.finger_turns("open"),  # type: ignore[arg-type]  # the mistake
+        lambda: made.finger_turns(np.array([1e308])),
         lambda: made.set_torque_control(on=[1, 2]),  # type: ignore[arg-type]  # the mistake
         lambda: KinovaDriver("j2n6s300"),  # type: ignore[arg-type]  # the mistake
         lambda: KinovaDriver(made.arm, faults="lag=1"),  # type: ignore[arg-type]  # the mistake
