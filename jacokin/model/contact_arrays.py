@@ -230,12 +230,21 @@ def shape_rows(model: pin.Model, shapes: Sequence[Shape]) -> list[ShapeRow]:
     Raises:
         ShapeError: one of an unknown kind.
     """
-    axes = own_axes(model)
+    axes, shapes = own_axes(model), [_with_ends(shape) for shape in shapes]
     kinds, integers, own, work = _rows(shapes, [axes[shape.joint].inverse() * shape.placement for shape in shapes])
     rows = [own.get(k) or ShapeRow(work.numbers[k], integers[k]) for k in range(len(kinds))]
     for row, shape in zip(rows, shapes, strict=True):
         row.integers[LINK] = shape.joint
     return rows
+
+
+def _with_ends(shape: Shape) -> Shape:
+    """A plane as a box below it, other shapes as they are: the kernels take planes only against every shape."""
+    if shape.kind != "plane":
+        return shape
+    half = 50.0  # [m]
+    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -half]))
+    return shape._replace(kind="box", size=np.full(3, half), placement=shape.placement * below)
 
 
 def _rows(

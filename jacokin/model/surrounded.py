@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
@@ -174,7 +173,7 @@ def _surround_some(robot: Robot, own: OwnShapes, around: Surroundings) -> Surrou
         else:
             partly += [(len(shapes), other) for other in counted]
             shapes.append(shape_of(obstacle))
-    rows += shape_rows(model, [_with_ends(shape) for shape in shapes[count:]])
+    rows += shape_rows(model, shapes[count:])
     links, alone = [shape.joint for shape in shapes], range(count, len(shapes))
     arrays = arm_arrays(joints_about_z(model), links, rows, [*partly, *pairs], alone)
     some = among_nothing(shapes, arrays, len(partly) + len(pairs))
@@ -190,15 +189,6 @@ def _pairs_of_held(own: Sequence[Shape], both: Sequence[Shape]) -> list[tuple[in
 def _named_pair(one: Shape | Obstacle, other: Shape | Obstacle) -> frozenset[str]:
     """The names of two shapes, in no order."""
     return frozenset((one.name, other.name))
-
-
-def _with_ends(shape: Shape) -> Shape:
-    """A plane as a box below it, other shapes as they are: the kernels take planes only against every shape."""
-    if shape.kind != "plane":
-        return shape
-    half = 50.0  # [m]
-    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -half]))
-    return shape._replace(kind="box", size=np.full(3, half), placement=shape.placement * below)
 
 
 def among_nothing(shapes: Sequence[Shape], arrays: ArmArrays, pairs: int) -> Surrounded:

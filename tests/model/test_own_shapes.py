@@ -247,3 +247,27 @@ def test_a_floor_that_one_link_may_touch_counts_against_the_others(robot: Robot,
     below = [(a, b) for a, b in zip(everywhere.nearest(rows), elsewhere.nearest(rows), strict=True) if a.pair == b.pair]
     assert len(below) > 100
     assert max(abs(a.distance - b.distance) for a, b in below) < 1e-7
+
+
+def test_a_floor_among_the_shapes_of_the_base_has_no_end(tmp_path: Path, rng: np.random.Generator) -> None:
+    """Contact with a plane, and with what stands beside it, is as MuJoCo finds it; spheres it takes exactly."""
+    text = """<mujoco><compiler angle="radian"/><worldbody>
+      <body name="ground"><geom name="plane" type="plane" size="1 1 1"/></body>
+      <body name="table" pos="0.4 0 0.1"><geom name="top" type="box" size="0.2 0.3 0.02"/></body>
+      <body name="stand" pos="0 0 0.3"><geom name="post" type="box" size="0.02 0.02 0.1" pos="0 0 -0.12"/>
+        <body name="upper"><joint name="yaw" axis="0 0 1" range="-3 3"/><joint name="lift" axis="0 1 0" range="-2 2"/>
+          <geom size="0.01" contype="0" conaffinity="0"/>
+          <body name="fore" pos="0.3 0 0"><joint name="elbow" axis="0 1 0" range="-2 2"/>
+            <geom name="tip" type="sphere" pos="0.25 0 0" size="0.03"/><geom name="bulge" type="sphere" size="0.05"/>
+    </body></body></body></worldbody></mujoco>"""
+    path = tmp_path / "arm.xml"
+    path.write_text(text)
+    robot, model = jacokin.load_robot(path, velocity_limit=1.0), mujoco.MjModel.from_xml_string(text)
+    data, contact, seen = mujoco.MjData(model), SelfContact(robot), set[tuple[str, ...]]()
+    for q in robot.sample(rng, 400):
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        touching = {tuple(sorted(model.geom(int(geom)).name for geom in pair)) for pair in data.contact.geom}
+        assert {tuple(sorted(pair)) for pair in contact.touching(q)} == touching
+        seen |= touching
+    assert {("plane", "tip"), ("tip", "top"), ("bulge", "plane"), ("bulge", "top")} <= seen
