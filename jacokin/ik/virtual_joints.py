@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import copy
 import functools
-import math
 
 import numpy as np
 import pinocchio as pin
@@ -29,14 +28,10 @@ from jacokin.ik.solutions.solution_set import Touching
 from jacokin.ik.structures import FEWEST
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Verifier
-from jacokin.kernels.branches import COLUMNS, DISTANCE, FAMILY, ORIENTATION_ERROR, POSITION_ERROR
+from jacokin.kernels.few_joints import ROWS, FewWork, make_few_work, take_few
 from jacokin.kernels.library import Call
-from jacokin.kernels.still_joints import StillWork, make_still_work, stand_still
 from jacokin.model import checks
-from jacokin.model.angles import TURN
 from jacokin.model.kinematics import axis_of
-
-SAME = 1e-7  # [rad] configurations nearer than that are one
 
 #: Where joints that stand at zero are: turned by [rad], moved by [lengths of the arm]. Any generic numbers will do.
 ANYWHERE = (
@@ -121,12 +116,10 @@ class VirtualJoints:
     __slots__ = (
         "_form",
         "_idle",
-        "_lower",
         "_position_only",
         "_real",
         "_sign",
         "_still",
-        "_upper",
         "_verifier",
         "free_joint",
     )
@@ -158,7 +151,6 @@ class VirtualJoints:
         unbounded = np.full(SIX - self._real, np.inf)
         lower = np.concatenate([robot.lower[: self._real], -unbounded])
         upper = np.concatenate([robot.upper[: self._real], unbounded])
-        self._lower, self._upper = robot.lower.tolist(), robot.upper.tolist()
         self._form = ClosedForm(*self._chain(virtual), None, lower, upper, limit_snap=limit_snap)
         self._idle = [self._make_call()]  # each thread takes one, or makes one, and puts it back
 
@@ -170,62 +162,35 @@ class VirtualJoints:
 
     def solve_all(self, target: TargetPose, seed: Array) -> PointsOfFew:
         """Every configuration, nearest to the seed (dof,) first, within the limits or not."""
-        real, sign, T, start = self._real, self._sign, target.matrix, np.zeros(SIX)
+        real, T, start, free = self._real, target.matrix, np.zeros(SIX), target.free_axis
         start[:real] = seed[:real]
         if self._position_only:
             T = T.copy()
             T[:3, :3] = ORIENTATION
         found = self._form.solve_all(T, start)
-        at_seed = seed.tolist()  # plain floats: for a few rows they are faster than NumPy
-        rows = self._standing(found.rows, T) if self._still else found.rows.tolist()
-        made = []
-        for row in rows:
-            q, parameter, reached = row[:real] + at_seed[real:], math.nan, True
-            if target.free_axis is not None:
-                turned = row[real] + sign * q[-1]
-                parameter = target.nearest_angle(turned)
-                beyond = math.remainder(turned - parameter, TURN)
-                if sign:  # the joint that turns about the axis itself goes where the range has it
-                    q[-1] -= sign * beyond
-                else:
-                    reached = abs(beyond) <= SAME
-            made.append((self._row(row, q, at_seed, reached), parameter))
-        made.sort(key=lambda each: each[0][DISTANCE])
-        if self._still or self._position_only:  # several of the chain's may be one of the arm's
-            made = _different(made)
-        angle = None if target.free_axis is None else np.array([parameter for _, parameter in made])
-        table = np.array([row for row, _ in made]).reshape(-1, COLUMNS)
-        return PointsOfFew(table, found.dropped, seed, self._verifier, angle, self.free_joint)
-
-    def _row(self, row: list[float], q: list[float], seed: list[float], reached: bool) -> list[float]:
-        """A row of the answer from one of the chain's and the configuration (dof,), which may be one that counts."""
-        margin, none = row[SIX : SIX + self._real], [0.0] * (SIX - len(q))
-        if self._sign:
-            margin.append(min(q[-1] - self._lower[-1], self._upper[-1] - q[-1]))
-        within = float(reached and min(margin) >= 0.0)
-        orientation, family = (0.0, 0.0) if self._position_only else (row[ORIENTATION_ERROR], row[FAMILY])
-        measured = row[POSITION_ERROR], orientation, math.dist(q, seed), within, family  # in the order of the columns
-        return [*q, *none, *margin, *none, *measured]
-
-    def _standing(self, rows: Array, T: Array) -> list[list[float]]:
-        """Those of rows (k, 17) whose last joints stand at zero within the tolerances, with these exactly there."""
         try:
             call = self._idle.pop()
         except IndexError:
             call = self._make_call()
-        work, options = call.work, self._verifier.options
-        work.T[:], work.counts[0], work.rows[: len(rows)] = T, len(rows), rows
+        work, given, options = call.work, found.rows, self._verifier.options
+        work.T[:], work.seed[: seed.size], work.counts[ROWS], work.rows[: len(given)] = T, seed, len(given), given
         work.tolerances[:] = options.position_tolerance, options.orientation_tolerance
-        found: list[list[float]] = work.rows[: call()].tolist()
+        if free is not None:
+            work.range[:] = free.range
+        count = call()
+        # Copies: the call's own arrays are overwritten by its next run.
+        rows, angle = work.rows[:count].copy(), None if free is None else work.angles[:count].copy()
         self._idle.append(call)
-        return found
+        return PointsOfFew(rows, found.dropped, seed, self._verifier, angle, self.free_joint)
 
-    def _make_call(self) -> Call[StillWork]:
+    def _make_call(self) -> Call[FewWork]:
         """Work arrays that know the chain."""
-        work = make_still_work()
-        work.chain[:], work.counts[1:] = self._form.chain, (self._real, SIX - self._still)
-        work.bounds[:, : self._real] = self._lower[: self._real], self._upper[: self._real]
-        return Call(stand_still, work)
+        work, robot = make_few_work(), self._verifier.robot
+        is_turned = self._real + self._still < SIX and not self._position_only
+        work.chain[:] = self._form.chain
+        work.counts[1:] = self._real, SIX - self._still, is_turned, self._sign, self._position_only
+        work.bounds[:, : robot.dof] = robot.lower, robot.upper
+        return Call(take_few, work)
 
     def _last_along(self, axis: Array) -> float:
         """Whether the last joint turns about the free axis (3,) itself: 1.0, against it -1.0, or not 0.0."""
@@ -266,17 +231,3 @@ class VirtualJoints:
             joint = model.addJoint(joint, pin.JointModelRZ(), at * place, f"virtual_{joint}")
             at = place.inverse()
         return model, model.addFrame(pin.Frame("tool", joint, 0, at, pin.FrameType.OP_FRAME), False)
-
-
-def _different(made: list[tuple[list[float], float]]) -> list[tuple[list[float], float]]:
-    """Those rows, in order, whose configurations differ from all before them."""
-    kept: list[tuple[list[float], float]] = []
-    for each in made:
-        if not any(_is_same(each[0], other[0]) for other in kept):
-            kept.append(each)
-    return kept
-
-
-def _is_same(row: list[float], other: list[float]) -> bool:
-    """Whether two rows have one configuration."""
-    return all(abs(math.remainder(a - b, TURN)) < SAME for a, b in zip(row[:SIX], other[:SIX], strict=True))

@@ -10,7 +10,7 @@ free_motion                          ways around what blocks a straight joint mo
 clear_targets                        many targets, each answered by the nearest branch clear of contact
 configurations                       poses, Jacobians, torques and mass matrices of many configurations
 closest                              what comes closest to a target that is not reached
-still_joints                         configurations whose last joints must stand at zero
+few_joints                           configurations of three to five joints from those of a chain of six
 rung_links                           which solutions of neighbouring places of a path follow each other
 speeds, course_times, motion_rows    the least time along a path, and along lines and parabolas; the rows of a motion
 rest_to_rest                         the least time from rest to rest, with limits of jerk

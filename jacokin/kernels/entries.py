@@ -23,6 +23,7 @@ from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
 from jacokin.kernels.contact.world import build_world, make_world_work
 from jacokin.kernels.course_times import fit_course_times, make_course_work
+from jacokin.kernels.few_joints import make_few_work, take_few
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
 from jacokin.kernels.motion_rows import (
     average_rows,
@@ -38,7 +39,6 @@ from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
 from jacokin.kernels.solution_set.nearest import find_nearest, find_point, make_nearest_work, make_point_work
 from jacokin.kernels.solution_set.run import make_set_work, solve_set
 from jacokin.kernels.speeds import fit_speeds, make_speed_work
-from jacokin.kernels.still_joints import make_still_work, stand_still
 from jacokin.kernels.tracking.reach import make_reach_work, try_reach
 from jacokin.kernels.tracking.run import make_run_work, run_tick
 
@@ -72,7 +72,7 @@ ENTRIES = (
     Entry(solve_set, make_set_work),
     Entry(find_point, make_point_work),
     Entry(find_nearest, make_nearest_work),
-    Entry(stand_still, make_still_work),
+    Entry(take_few, make_few_work),
     Entry(place_frames, make_frame_work),
     Entry(find_torques, make_torque_work),
     Entry(find_mass_matrices, make_mass_work),
