@@ -314,9 +314,10 @@ class ArmNodes:
 
     def place_ghosts(self, places: ShownPlaces, colours: NDArray[np.uint8], solid: NDArray[np.bool_]) -> None:
         """Bring the ghosts to all places but the first, in colours (k, 3): solid ones (k,), and nets of wires."""
+        apart = self._apart(places)
         for nodes, chosen in ((self.ghosts, solid), (self.wires, ~solid)):
             for index, node in nodes.items():
-                drawn = chosen & self._apart(places, index)
+                drawn = chosen & apart[:, index]
                 rows = 1 + np.flatnonzero(drawn)
                 if len(rows):
                     # Positions first: they say how many there are, which colours must match.
@@ -326,10 +327,10 @@ class ArmNodes:
                 node.visible = bool(len(rows))
 
     @staticmethod
-    def _apart(places: ShownPlaces, index: int) -> NDArray[np.bool_]:
-        """(k,) whether a part of a ghost is elsewhere than that of the solid arm, in which it would flicker."""
-        moved = np.abs(places.positions[1:, index] - places.positions[0, index]).max(axis=1)
-        turned = np.abs(np.einsum("kw,w->k", places.wxyzs[1:, index], places.wxyzs[0, index]))
+    def _apart(places: ShownPlaces) -> NDArray[np.bool_]:
+        """(k, parts) whether parts of ghosts are elsewhere than those of the solid arm, in which they would flicker."""
+        moved = np.abs(places.positions[1:] - places.positions[0]).max(axis=2)
+        turned = np.abs(np.einsum("kpw,pw->kp", places.wxyzs[1:], places.wxyzs[0]))
         return np.asarray((moved > SAME_PLACE) | (turned < 1.0 - SAME_PLACE))
 
 
