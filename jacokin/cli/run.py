@@ -200,6 +200,11 @@ def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) ->
         if not command:
             raise InvalidInputError("--forwarder is empty")
         return ProcessLink(command, joints)
+    if way.ros == "1" and robot.sliding.any():
+        raise InvalidInputError(
+            "--ros 1 sends degrees to Kinova's driver, and "
+            f"{robot.joint_names[robot.sliding.tolist().index(True)]} of {robot.label} slides: use --ros 2"
+        )
     package = "rospy" if way.ros == "1" else "rclpy"
     has_ros = importlib.util.find_spec(package) is not None
     # Of the systems that ROS is packaged for.

@@ -285,6 +285,7 @@ class _Follower:
             lower=tracker.robot.lower,
             upper=tracker.robot.upper,
             velocity_limit=tracker.velocity_limit,
+            sliding=tracker.robot.sliding,
             position_error=checks.read_only([step.position_error for step in steps]),
             orientation_error=checks.read_only([step.orientation_error for step in steps]),
             status=tuple(step.status.name for step in steps),

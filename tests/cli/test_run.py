@@ -15,7 +15,7 @@ from jacokin import Robot
 from jacokin.motion import move_joints
 from tests.cli.run import Run
 from tests.gripper_arms import panda_text
-from tests.robot_files import load_text, urdf_text
+from tests.robot_files import CRANE, load_text, urdf_text
 
 
 @pytest.fixture
@@ -33,6 +33,14 @@ def test_the_simulated_arm_plays_a_file(run: Run, file: Path) -> None:
     assert said["latency"] == said["measured_latency"] == pytest.approx(0.04, abs=0.01)
     answer = run("run", file, "--twin", "--faults", "stall=9", "--random-seed", "3", code=(0, 1))
     assert "ARRIVED" in answer.out or "SILENT: nothing said where the arm is" in answer.out
+
+
+def test_metres_are_not_sent_as_degrees(run: Run, tmp_path: Path) -> None:
+    crane = tmp_path / "crane.urdf"
+    crane.write_text(CRANE, encoding="utf-8")
+    move_joints(jacokin.load_robot(crane), [0.0, 0.2, 0.0], [0.1, 0.7, 0.4]).save(tmp_path / "m.csv")
+    said = run("run", tmp_path / "m.csv", "--ros", "1", "--robot", crane, code=2).err
+    assert "--ros 1 sends degrees to Kinova's driver, and slide of crane slides: use --ros 2" in said
 
 
 def test_a_latency_that_was_given_wrongly_is_said(run: Run, file: Path) -> None:

@@ -309,6 +309,7 @@ class _Writer:
             parameter=checks.read_only(parameter),
             message="; ".join(word for word in (*words, verifier.note) if word),
             start_distance=float(away.max()),
+            sliding=robot.sliding,
         )
 
     def _needed(self, u: Array, rows: Rows) -> tuple[Array, NDArray[np.bool_]]:
