@@ -27,7 +27,7 @@ const ENDS = ["limit", "fold", "range", "circle", "lost"];
 const POSE = 16; // numbers
 const MAX_DOF = 7;
 const MAX_BRANCHES = 24;
-const MAX_INTERVALS = 256;
+const MAX_INTERVALS = 512;
 /** Bytes and fields of the structures in jacokin_ik.h, for pointers of 4 bytes. */
 const BRANCH = { size: 96, positionError: 56, orientationError: 64, distance: 72, margin: 80, success: 88, singular: 92 };
 const AXIS = { size: 40 };
@@ -408,7 +408,10 @@ function numbers(name, values, length) {
 
 /** A copy of an axis and its range; the length of an axis does not matter, and its largest number becomes 1. */
 function checkedAxis(about) {
-  const axis = Float64Array.from(numbers("axis", about?.axis, 3));
+  if (about?.axis === undefined) {
+    throw new JacokinError(`the axis must be like { axis: [0, 0, 1], range: [-1, 1] }, not ${shown(about)}`);
+  }
+  const axis = Float64Array.from(numbers("axis", about.axis, 3));
   const range = Float64Array.from(numbers("range", about.range ?? [-Math.PI, Math.PI], 2));
   const most = Math.max(...axis.map(Math.abs));
   if (most === 0) throw new JacokinError("axis must not be 0");

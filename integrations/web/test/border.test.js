@@ -70,6 +70,10 @@ test("wrong arguments are errors that name them", async () => {
   refused(() => seven.all(seven.fk(seven.home)), /use intervals/);
   refused(() => six.intervals(pose), /use all\(\), or give an axis/);
   refused(() => seven.intervals(seven.fk(seven.home), { axis: [0, 0, 1] }), /for six joints/);
+  for (const about of [six.home, [0, 0, 1], {}, 0]) { // a seed in its place, for one
+    refused(() => six.nearest(pose, null, about), /the axis must be like \{ axis: \[0, 0, 1\], range/);
+    refused(() => six.intervals(pose, about), /the axis must be like/);
+  }
   refused(() => six.intervals(pose, { axis: [0, 0, 0] }), /axis must not be 0/);
   refused(() => six.intervals(pose, { axis: [0, 0] }), /axis must be 3 numbers/);
   refused(() => six.intervals(pose, { axis: [0, 0, 1], range: [1, 0] }), /range must rise/);
