@@ -211,6 +211,10 @@ def test_mistakes() -> None:
     assert set(SCRIPTS) <= {name.removesuffix("_features") for name in jacokin.tasks.names("features")}
     with pytest.raises(InvalidInputError, match=r"features by name.*got an array of shape \(42,\)$"):
         jacokin.tasks.expert("reach_site")(np.zeros(42))
+    other = jacokin.tasks.load("reach_site_features", seed=0).reset().observation
+    for name in ("lift_brick", "place_cradle", "stack_2_bricks", "reassemble_3_bricks_fixed_order"):
+        with pytest.raises(InvalidInputError, match="which this expert needs, is not observed here"):
+            jacokin.tasks.expert(name)(other)
     for noise, words in (((0.1, 0.2), "one number or 9"), (-0.1, "not negative"), (np.nan, "finite"), ("a", "noise")):
         with pytest.raises(InvalidInputError, match=words):
             jacokin.tasks.expert("lift_brick", noise=noise)
