@@ -160,8 +160,14 @@ def run(given: MotionOptions, way: ConnectionOptions, bounds: GuardOptions, sour
         runner = Runner(robot, motion, chosen)
         try:
             play(runner, link, fingers=given.fingers, watch=_watching_contact(runner, watch))
-        finally:
+        except InvalidInputError:
+            if math.isfinite(runner.away):  # it had begun
+                _show(runner, given.json)
+            raise
+        except BaseException:
             _show(runner, given.json)
+            raise
+        _show(runner, given.json)
     if runner.status.name != "ARRIVED":
         raise SystemExit(NOT_SOLVED)
 

@@ -106,6 +106,18 @@ def test_a_forwarder_that_does_not_serve(run: Run, file: Path, tmp_path: Path, w
     assert why in run("run", file, "--forwarder", f"{sys.executable} {script}", code=2).err
 
 
+def test_joints_of_other_names_are_told(run: Run, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What never began has no status."""
+    monkeypatch.setattr("jacokin.runner.links.PATIENCE", 0.5)
+    other = forwarder(
+        tmp_path, "say({'listens': True, 'missing': fields['joints'][:2], 'heard': ['arm_joint_1', 'arm_joint_2']})"
+    )
+    answer = run("run", file, "--forwarder", other, "--json", code=2)
+    told = "joint states have arm_joint_1, arm_joint_2, and no j2n6s300_joint_1, j2n6s300_joint_2"
+    assert f"no arm says where it is (waited 0.5 s): {told}" in answer.err
+    assert answer.out == ""
+
+
 def test_a_forwarder_moves_an_ideal_arm(run: Run, file: Path, tmp_path: Path) -> None:
     """The lines as they are: joints first, velocities for 10 ms each, angles back."""
     ideal = forwarder(tmp_path, TURNED, "say({'q': q, 'v': None, 'torques': None})")
