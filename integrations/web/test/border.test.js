@@ -143,6 +143,23 @@ test("a page may bring the WebAssembly itself", async () => {
   }
 });
 
+test("a file that a bundler has left behind is told where it belongs", async () => {
+  const folder = await mkdtemp(join(tmpdir(), "jacokin-"));
+  try {
+    for (const name of ["jacokin.js", "robots.js"]) {
+      await writeFile(join(folder, name.replace(".js", ".mjs")), (await readFile(new URL(`../${name}`, import.meta.url), "utf8")).replace("robots.js", "robots.mjs"));
+    }
+    const bundle = await import(pathToFileURL(join(folder, "jacokin.mjs")));
+    await assert.rejects(bundle.load(), /jacokin.wasm cannot be read: .*where a bundler leaves jacokin.wasm behind, copy it there, or give its place/);
+    await writeFile(join(folder, "jacokin.wasm"), "<!doctype html>"); // as some servers answer
+    await assert.rejects(bundle.load(), /wasm: this is not .*where a bundler leaves jacokin.wasm behind/);
+    await writeFile(join(folder, "jacokin.wasm"), await readFile(new URL("../jacokin.wasm", import.meta.url)));
+    assert.equal((await bundle.load("gen3")).robot, "gen3");
+  } finally {
+    await rm(folder, { recursive: true });
+  }
+});
+
 test("the types are complete without those of pages, as programs for Node are checked", async () => {
   const types = await readFile(new URL("../jacokin.d.ts", import.meta.url), "utf8");
   const code = types.replaceAll(/\/\*\*.*?\*\//gs, "");
