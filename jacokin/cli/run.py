@@ -302,13 +302,16 @@ def _watching_contact(runner: Runner, watch: Callable[[], None] | None) -> Calla
 
 def _show(runner: Runner, json: bool) -> None:
     """Say how it ended."""
-    away, worst = math.degrees(runner.away), math.degrees(runner.worst)
+    # A joint that slides has no degrees, and either may be the one that is farthest.
+    slides = bool(runner.robot.sliding.any())
+    away, worst = (value if slides else math.degrees(value) for value in (runner.away, runner.worst))
     if json:
+        name = "" if slides else "_deg"
         fields = {
             "status": runner.status.name,
             "message": runner.message,
-            "away_deg": away if math.isfinite(away) else None,
-            "worst_deg": worst,
+            f"away{name}": away if math.isfinite(away) else None,
+            f"worst{name}": worst,
             "stands": runner.stands,
             "latency": runner.latency,
             "measured_latency": runner.measured_latency,
@@ -319,8 +322,9 @@ def _show(runner: Runner, json: bool) -> None:
     facts += [("because", runner.message)] if runner.message else []
     if math.isfinite(away):
         where = "the end of the motion" if runner.status.name in ("ARRIVED", "MISSED") else "where the motion was"
-        facts += [("the arm", f"{away:.2f} deg from {where}{'' if runner.stands else ', and may still move'}")]
-        facts += [("farthest", f"{worst:.2f} deg off the motion on the way")]
+        far, farthest = (f"{each:.4f} rad or m" if slides else f"{each:.2f} deg" for each in (away, worst))
+        facts += [("the arm", f"{far} from {where}{'' if runner.stands else ', and may still move'}")]
+        facts += [("farthest", f"{farthest} off the motion on the way")]
     facts += [("latency", _latency(runner))] if runner.measured_latency is not None else []
     show_facts(facts)
 

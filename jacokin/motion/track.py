@@ -150,7 +150,7 @@ def track_path(
     else:
         words = [
             _sentence(best, len(reports), reaching, "start" if solver.dimension() == 1 else "branch"),
-            seeds.describe_jump(robot.joint_names, away, "home" if seed is None else "the seed"),
+            seeds.describe_jump(robot, away, "home" if seed is None else "the seed"),
             note,
         ]
     return replace(

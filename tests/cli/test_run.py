@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,19 @@ def test_metres_are_not_sent_as_degrees(run: Run, tmp_path: Path) -> None:
     assert "--ros 1 sends degrees to Kinova's driver, and slide of crane slides: use --ros 2" in said
 
 
+def test_what_slides_is_not_told_in_degrees(run: Run, tmp_path: Path) -> None:
+    crane = tmp_path / "crane.urdf"
+    crane.write_text(CRANE, encoding="utf-8")
+    start = [0.0, 0.2, 0.0]
+    move_joints(jacokin.load_robot(crane), start, [0.1, 0.4, 0.1]).save(tmp_path / "m.csv")
+    ideal = forwarder(tmp_path, TURNED, "say({'q': q, 'v': None, 'torques': None})", q=start)
+    words = ("run", tmp_path / "m.csv", "--robot", crane, "--forwarder", ideal, "--latency", "0")
+    document = run(*words, "--json").document
+    assert document["away"] < 2e-3
+    assert "away_deg" not in document
+    assert "rad or m from the end of the motion" in run(*words).out
+
+
 def test_a_latency_that_was_given_wrongly_is_said(run: Run, file: Path) -> None:
     late = ("run", str(file), "--twin", "--faults", "lag=0.1")
     wrong = run(*late, "--latency", "0.05")
@@ -79,12 +93,12 @@ FORWARDERS = {
 }
 
 
-def forwarder(folder: Path, *lines: str) -> str:
-    """The command of one that does this with the `fields` of each line; `q` are the angles of home."""
+def forwarder(folder: Path, *lines: str, q: Sequence[float] | None = None) -> str:
+    """The command of one that does this with the `fields` of each line; `q` are at first those, or home."""
     script = folder / "forwarder.py"
     program = [
         "import json, sys",
-        f"q, heard = {jacokin.load_robot().home.tolist()}, []",
+        f"q, heard = {list(q or jacokin.load_robot().home.tolist())}, []",
         "def say(fields): print(json.dumps(fields), flush=True)",
         "for line in sys.stdin:",
         *(

@@ -83,6 +83,8 @@ def test_every_motion_knows_which_joints_slide(lifting: Trajectory, tmp_path: Pa
     found = (track_path(robot, poses, start=[0.0, 0.4, 0.0]), plan_motion(solver, [0.0, 0.2, 0.0], [0.1, 0.7, 0.4]))
     for trajectory in found:
         assert trajectory.sliding.tolist() == [False, True, False]
+    away = track_path(robot, poses)
+    assert "m (slide) from home: bring the arm to q[0] first" in away.message
     fast = replace(lifting, velocity_limit=0.1 * lifting.velocity_limit, outcome="OK")
     assert re.search(r"slide moves \S+ m from row .*: faster than 0.1 m/s", fast.message)
 
