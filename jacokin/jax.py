@@ -15,6 +15,7 @@ from jacokin.model import checks
 __all__ = ["solve"]
 
 ADVICE = 'call jax.config.update("jax_enable_x64", True) before arrays are made'
+CONVERT = "use poses.astype(float)"  # where numbers of double precision are there already
 
 
 def solve(  # Any: arrays of a package that need not be installed
@@ -50,7 +51,8 @@ def solve(  # Any: arrays of a package that need not be installed
     except (TypeError, ValueError) as error:
         raise checks.refusal("poses", "an array of shape (..., 4, 4)", poses) from error
     shape = tuple(poses.shape)
-    made = differentiable.check_arguments(solver, shape, str(poses.dtype), closest, ADVICE)
+    advice = CONVERT if jax.config.jax_enable_x64 else ADVICE
+    made = differentiable.check_arguments(solver, shape, str(poses.dtype), closest, advice)
     start = made.robot.home if seeds is None else seeds
     wanted = (*shape[:-2], made.robot.dof)
     if not isinstance(start, jax.core.Tracer):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
+
 from jacokin import Robot
 from tests.robot_files import load_text, serial_urdf
 
@@ -95,6 +97,10 @@ ARMS: dict[str, tuple[list[Placement], list[Limits]]] = {
     "rm75": (RM75, [3.1, 2.268, 3.1, 2.355, 3.1, 2.233, 6.28]),
     "sawyer": (SAWYER, [3.05, (-3.81, 2.27), 3.04, 3.04, 2.98, 2.98, 4.71]),
 }
+
+
+#: Of an iiwa14 whose joint 7 is on its limit, as along a whole curve of configurations at the same pose.
+STRAIGHT = math.pi * np.array([0.0, -0.5, -0.75, 0.0, 0.0, 0.5, -175.0 / 180.0])
 
 
 def load_arm(name: str, folder: Path) -> Robot:

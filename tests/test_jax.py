@@ -145,8 +145,15 @@ def test_arguments_are_checked(solver: IKSolver, rng: np.random.Generator) -> No
     for wrong in (None, "here", [[1.0], [1.0, 2.0]]):
         with pytest.raises(InvalidInputError, match=r"poses must be an array of shape \(\.\.\., 4, 4\), got"):
             jacokin.jax.solve(solver, wrong)
-    with pytest.raises(InvalidInputError, match=r"poses must be float64, got float32: call jax.config.update"):
-        jacokin.jax.solve(solver, jnp.asarray(poses, jnp.float32))
+    for given in (jnp.asarray(poses, jnp.float32), np.eye(4, dtype=int)):  # numbers of double precision are there
+        with pytest.raises(InvalidInputError, match=r"poses must be float64, got (float32|int64): use poses.astype"):
+            jacokin.jax.solve(solver, given)
+    jax.config.update("jax_enable_x64", False)
+    try:
+        with pytest.raises(InvalidInputError, match=r"poses must be float64, got float32: call jax.config.update"):
+            jacokin.jax.solve(solver, poses)
+    finally:
+        jax.config.update("jax_enable_x64", True)
     with pytest.raises(
         InvalidInputError, match=r"seeds must have a shape that broadcasts to \(3, 6\), got shape \(5,\)"
     ):

@@ -27,7 +27,7 @@ const ENDS = ["limit", "fold", "range", "circle", "lost"];
 const POSE = 16; // numbers
 const MAX_DOF = 7;
 const MAX_BRANCHES = 24;
-const MAX_INTERVALS = 256;
+const MAX_INTERVALS = 512;
 /** Bytes and fields of the structures in jacokin_ik.h, for pointers of 4 bytes. */
 const BRANCH = { size: 96, positionError: 56, orientationError: 64, distance: 72, margin: 80, success: 88, singular: 92 };
 const AXIS = { size: 40 };
@@ -55,11 +55,13 @@ export async function load(robot = "j2n6s300", options = {}) {
 /** Only `load` makes solvers: compiling cannot be waited for in a constructor. */
 const MAKING = Symbol("load");
 const FOREIGN = "wasm: this is not the WebAssembly module of jacokin";
+/** Some bundlers leave the file behind, and some servers answer with a page where there is none. */
+const BUNDLED = '; where a bundler leaves jacokin.wasm behind, copy it there, or give its place: load(name, { wasm: "/files/jacokin.wasm" })';
 let ours; // a promise of the package's own module, compiled once
 
 function compiled(wasm) {
   if (wasm === undefined) {
-    ours ??= compile(new URL("./jacokin.wasm", import.meta.url));
+    ours ??= compile(new URL("./jacokin.wasm", import.meta.url), BUNDLED);
     ours.catch(() => (ours = undefined)); // another call may find the network again
     return ours;
   }
@@ -68,12 +70,12 @@ function compiled(wasm) {
   throw new JacokinError(`wasm must be where jacokin.wasm is, its contents, or a WebAssembly.Module, not ${shown(wasm)}`);
 }
 
-async function compile(source) {
-  const contents = isBytes(source) ? source : await read(source);
+async function compile(source, advice = "") {
+  const contents = isBytes(source) ? source : await read(source, advice);
   try {
     return await WebAssembly.compile(contents);
   } catch (error) {
-    throw new JacokinError(`${FOREIGN}: ${error.message}`);
+    throw new JacokinError(`${FOREIGN}: ${error.message}${advice}`);
   }
 }
 
@@ -107,7 +109,7 @@ function isBytes(value) {
   return value instanceof ArrayBuffer || ArrayBuffer.isView(value);
 }
 
-async function read(place) {
+async function read(place, advice = "") {
   let url = place;
   try {
     url = place instanceof URL ? place : new URL(place, globalThis.location?.href ?? import.meta.url);
@@ -119,7 +121,7 @@ async function read(place) {
     if (response.ok) return await response.arrayBuffer();
     throw new Error(`the server answers ${response.status}`);
   } catch (error) {
-    throw new JacokinError(`${url} cannot be read: ${error.message}`);
+    throw new JacokinError(`${url} cannot be read: ${error.message}${advice}`);
   }
 }
 
@@ -408,7 +410,10 @@ function numbers(name, values, length) {
 
 /** A copy of an axis and its range; the length of an axis does not matter, and its largest number becomes 1. */
 function checkedAxis(about) {
-  const axis = Float64Array.from(numbers("axis", about?.axis, 3));
+  if (about?.axis === undefined) {
+    throw new JacokinError(`the axis must be like { axis: [0, 0, 1], range: [-1, 1] }, not ${shown(about)}`);
+  }
+  const axis = Float64Array.from(numbers("axis", about.axis, 3));
   const range = Float64Array.from(numbers("range", about.range ?? [-Math.PI, Math.PI], 2));
   const most = Math.max(...axis.map(Math.abs));
   if (most === 0) throw new JacokinError("axis must not be 0");

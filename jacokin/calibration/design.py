@@ -43,7 +43,8 @@ class Accuracy:
 
     def __str__(self) -> str:
         """One sentence."""
-        more = "more would not halve it" if self.halved_by is None else f"{self.halved_by} would halve it"
+        again = "measuring these again would not halve it, others may"
+        more = again if self.halved_by is None else f"{self.halved_by} would halve it"
         return f"{1e3 * self.before:.2f} mm before, {1e3 * self.after:.3f} mm after; {more}"
 
 
@@ -189,7 +190,7 @@ def _candidates(
     if len(found) < count:
         raise InvalidInputError(
             f"only {len(found)} of {TRIES * wanted} random configurations are seen and clear of contact, and {count} "
-            "are wanted: a wider within, a smaller clearance, or less around the arm"
+            "are wanted: give a larger box of what is seen, a smaller clearance, or less around the arm"
         )
     return np.array(found)
 

@@ -244,6 +244,7 @@ def keep_degrees(output: Path | None, robot: model.Robot) -> None:
     Raises:
         InvalidInputError: names them.
     """
-    sliding = [name for name, slides in zip(robot.joint_names, robot.sliding.tolist(), strict=True) if slides]
-    if output is not None and output.name.endswith((".kinova.csv", ".kinova.json")) and sliding:
-        raise InvalidInputError(f"--output {output.name}: Kinova's files hold angles, and {', '.join(sliding)} slides")
+    from jacokin.motion.trajectory import FOR_KINOVA, refuse_sliding
+
+    if output is not None and output.name.endswith(FOR_KINOVA):
+        refuse_sliding(f"--output {output.name}", robot.joint_names, robot.sliding)

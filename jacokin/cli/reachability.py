@@ -155,9 +155,9 @@ def query(given: QueryOptions, source: MapRobotOptions) -> None:
       jacokin map query j2n6s300 --position 1.4 0.2 0.3 --down
     """
     reach = load_map(given.folder, source, given.scene)
-    dexterity = reach.dexterity(given.position)
-    document: dict[str, object] = {"dexterity": dexterity}
-    lines = [("orientations reached", f"{dexterity:.1%}")]
+    dexterity, is_covered = reach.dexterity(given.position), reach.covers(given.position)
+    document: dict[str, object] = {"dexterity": dexterity, "covered": is_covered}
+    lines = [("orientations reached", f"{dexterity:.1%}" if is_covered else "not known: outside the grid of the map")]
     if given.quat_wxyz is not None or given.down:
         wanted = model.pose(given.position, given.quat_wxyz, down=given.down)
         nearest = reach.nearest_reachable(wanted)

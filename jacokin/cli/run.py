@@ -160,8 +160,14 @@ def run(given: MotionOptions, way: ConnectionOptions, bounds: GuardOptions, sour
         runner = Runner(robot, motion, chosen)
         try:
             play(runner, link, fingers=given.fingers, watch=_watching_contact(runner, watch))
-        finally:
+        except InvalidInputError:
+            if math.isfinite(runner.away):  # it had begun
+                _show(runner, given.json)
+            raise
+        except BaseException:
             _show(runner, given.json)
+            raise
+        _show(runner, given.json)
     if runner.status.name != "ARRIVED":
         raise SystemExit(NOT_SOLVED)
 
@@ -200,6 +206,11 @@ def _link(robot: Robot, way: ConnectionOptions, motion: PlannedMotion | None) ->
         if not command:
             raise InvalidInputError("--forwarder is empty")
         return ProcessLink(command, joints)
+    if way.ros == "1" and robot.sliding.any():
+        raise InvalidInputError(
+            "--ros 1 sends degrees to Kinova's driver, and "
+            f"{robot.joint_names[robot.sliding.tolist().index(True)]} of {robot.label} slides: use --ros 2"
+        )
     package = "rospy" if way.ros == "1" else "rclpy"
     has_ros = importlib.util.find_spec(package) is not None
     # Of the systems that ROS is packaged for.
@@ -291,13 +302,16 @@ def _watching_contact(runner: Runner, watch: Callable[[], None] | None) -> Calla
 
 def _show(runner: Runner, json: bool) -> None:
     """Say how it ended."""
-    away, worst = math.degrees(runner.away), math.degrees(runner.worst)
+    # A joint that slides has no degrees, and either may be the one that is farthest.
+    slides = bool(runner.robot.sliding.any())
+    away, worst = (value if slides else math.degrees(value) for value in (runner.away, runner.worst))
     if json:
+        name = "" if slides else "_deg"
         fields = {
             "status": runner.status.name,
             "message": runner.message,
-            "away_deg": away if math.isfinite(away) else None,
-            "worst_deg": worst,
+            f"away{name}": away if math.isfinite(away) else None,
+            f"worst{name}": worst,
             "stands": runner.stands,
             "latency": runner.latency,
             "measured_latency": runner.measured_latency,
@@ -308,8 +322,9 @@ def _show(runner: Runner, json: bool) -> None:
     facts += [("because", runner.message)] if runner.message else []
     if math.isfinite(away):
         where = "the end of the motion" if runner.status.name in ("ARRIVED", "MISSED") else "where the motion was"
-        facts += [("the arm", f"{away:.2f} deg from {where}{'' if runner.stands else ', and may still move'}")]
-        facts += [("farthest", f"{worst:.2f} deg off the motion on the way")]
+        far, farthest = (f"{each:.4f} rad or m" if slides else f"{each:.2f} deg" for each in (away, worst))
+        facts += [("the arm", f"{far} from {where}{'' if runner.stands else ', and may still move'}")]
+        facts += [("farthest", f"{farthest} off the motion on the way")]
     facts += [("latency", _latency(runner))] if runner.measured_latency is not None else []
     show_facts(facts)
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import angles, checks
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, unit_of
 
 FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to 1e-10 rad
 ON_LIMIT = 1e-6  # [rad] or [m] past its limit, a joint is on it: rounding of files, degrees and single precision
@@ -122,9 +120,10 @@ def choose_start(robot: Robot, seed: ArrayLike | None, start: ArrayLike | None) 
     return checked_start(robot, start, "start", outside=True), ""
 
 
-def describe_jump(joint_names: Sequence[str], away: Array, name: str) -> str:
-    """Where a path starts, for (dof,) distances [rad] from a place with a name; "" when it starts there."""
+def describe_jump(robot: Robot, away: Array, name: str) -> str:
+    """Where a path starts, for (dof,) distances [rad, m] from a place with a name; "" when it starts there."""
     joint = int(np.argmax(away))
     if away[joint] <= 1e-3:  # [rad] a start this near to the seed is not worth a word
         return ""
-    return f"it starts {away[joint]:.3g} rad ({joint_names[joint]}) from {name}: bring the arm to q[0] first"
+    far = f"{away[joint]:.3g} {unit_of(robot, joint)} ({robot.joint_names[joint]})"
+    return f"it starts {far} from {name}: bring the arm to q[0] first"

@@ -54,8 +54,8 @@ extern "C" {
 /* The most joints of an arm, and the most branches that a pose can have. */
 #define JACOKIN_IK_MAX_DOF 7
 #define JACOKIN_IK_MAX_BRANCHES 24
-/* No target was seen to have more intervals. */
-#define JACOKIN_IK_MAX_INTERVALS 256
+/* The most intervals that are found of a target; where it may have more, the set is not complete. */
+#define JACOKIN_IK_MAX_INTERVALS 512
 
 /* What became of a call: from 0 on about the target, below 0 about the call. jacokin_ik_status_text() has sentences. */
 enum jacokin_ik_status {

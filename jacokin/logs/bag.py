@@ -154,7 +154,9 @@ def open_bag(path: Path) -> Iterator[Bag]:
         import rosbags.rosbag1
         import rosbags.rosbag2
     if path.suffix not in ENDINGS:
-        raise InvalidInputError(f"{path}: a recording of ROS ends in {', '.join(ENDINGS)}")
+        inside = sorted(file.name for file in path.iterdir() if file.suffix in ENDINGS) if path.is_dir() else []
+        advice = f"; in this folder {'are' if len(inside) > 1 else 'is'} {', '.join(inside)}" if inside else ""
+        raise InvalidInputError(f"{path}: a recording of ROS ends in {', '.join(ENDINGS)}{advice}")
     with parsing(path, NOT_A_LOG), open_bytes(path) as file:
         if file.seek(0, io.SEEK_END) > LOG:
             raise InvalidInputError(f"{path}: is larger than the {LOG} bytes that are read of a recording")

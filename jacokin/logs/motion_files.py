@@ -15,7 +15,7 @@ from jacokin.files import MESSAGE, plain_numbers
 from jacokin.logs.messages import NANOSECOND, find_joints
 from jacokin.model.robot import Robot
 from jacokin.motion.files import by_ending, read_table
-from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, Trajectory
+from jacokin.motion.trajectory import FORMATS, KINOVA_STEP, Trajectory, refuse_sliding
 
 #: Of ROS 2, of ROS 1, or a number [s].
 DURATIONS = ({"sec": float, "nanosec": float}, {"secs": float, "nsecs": float}, float)
@@ -38,6 +38,7 @@ def read_motion(path: str | Path, robot: Robot) -> MotionRows:
     """The rows of a file, for a robot.
 
     Joints may come in any order, with one prefix before all names, such as j2n6s300_; those of .kinova.csv have none.
+    Joints that slide are in [m], which .kinova.csv does not hold.
 
     Raises:
         InvalidInputError: no such file, not a trajectory, or one of other joints; names the file.
@@ -83,6 +84,7 @@ def _seconds(duration: dict[str, float] | float) -> float:
 
 def _read_kinova(file: Path, robot: Robot) -> MotionRows:
     """Angles in degrees at 100 Hz, as `Trajectory.save` writes them for Kinova's driver."""
+    refuse_sliding(str(file), robot.joint_names, robot.sliding)
     table = read_table(file)
     wanted = ["time_s", *(f"joint{number}_deg" for number in range(1, robot.dof + 1))]
     if list(table.head[: len(wanted)]) != wanted or len(table.head) != 2 * robot.dof + 1:

@@ -827,6 +827,11 @@ def checked_robot(name: str, value: object) -> Robot:
     return checks.instance(name, value, Robot, "a Robot, from load_robot")
 
 
+def unit_of(robot: Robot, joint: int) -> str:
+    """Of the values of a joint: "rad", or "m" where it slides."""
+    return "m" if robot.sliding[joint] else "rad"
+
+
 FASTEST = 1e4  # [rad/s] 1,600 turns a second; [m/s] where a joint slides
 HARDEST = 1e6  # [rad/s^2] full speed of a fast arm within a few microseconds
 TIME_TO_FULL_SPEED = 0.3  # [s] in tracking, by default, as joints of the Jaco take

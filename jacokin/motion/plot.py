@@ -41,7 +41,8 @@ def plot_path(result: Trajectory, path: str | Path) -> None:
             if np.isfinite(limit):
                 angles.axhline(limit, color=color, linestyle="--", linewidth=0.8)
         speeds.plot(result.t, result.v[:, joint] / result.velocity_limit[joint], color=color, label=name)
-    angles.set_ylabel("joint angle [rad]\n(dashed: its limits)")
+    unit = "rad, m" if result.sliding.any() else "rad"
+    angles.set_ylabel(f"joint angle [{unit}]\n(dashed: its limits)")
     angles.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(result.joint_names), fontsize="small")
     for limit in (-1.0, 1.0):
         speeds.axhline(limit, color="black", linestyle="--", linewidth=0.8)

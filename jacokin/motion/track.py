@@ -150,7 +150,7 @@ def track_path(
     else:
         words = [
             _sentence(best, len(reports), reaching, "start" if solver.dimension() == 1 else "branch"),
-            seeds.describe_jump(robot.joint_names, away, "home" if seed is None else "the seed"),
+            seeds.describe_jump(robot, away, "home" if seed is None else "the seed"),
             note,
         ]
     return replace(
@@ -285,6 +285,7 @@ class _Follower:
             lower=tracker.robot.lower,
             upper=tracker.robot.upper,
             velocity_limit=tracker.velocity_limit,
+            sliding=tracker.robot.sliding,
             position_error=checks.read_only([step.position_error for step in steps]),
             orientation_error=checks.read_only([step.orientation_error for step in steps]),
             status=tuple(step.status.name for step in steps),

@@ -46,6 +46,7 @@ LIMITS = ("lower", "upper", "velocity_limit")
 LEAD_IN = "LEAD_IN"  # status of rows that lead to where a path begins
 NAMED = 8  # segments in a sentence
 TO_SEND = (".json", ".kinova.csv", ".kinova.json")  # files that are sent to an arm
+FOR_KINOVA = (".kinova.csv", ".kinova.json")
 FIRST_TIME = 10.0  # [s] at most
 KINOVA_STEP = 0.01  # [s] the control loop of the Jaco's base runs at 100 Hz (kinova-ros, README, velocity control)
 SPEED_ROUNDING = 1e-9  # [rad/s] of positions subtracted and divided by a step
@@ -61,9 +62,10 @@ WORDS = ("status", "limiting")
 NUMBERS = ("parameter",)
 TEXTS = ("qp_solver", "outcome", "message")
 VALUES = ("start_distance",)
+SLIDING = "sliding"  # of arms with a joint that slides; without it all turn, as in files of earlier versions
 COUNTED = "rows"  # a note of CSV files, how many they have: a file that was cut off must not read as a whole motion
 NEEDED = ("joint_names", "t", *LIMITS, "q", "v")
-KNOWN = (*NEEDED, "a", *ROWS, *COUNTS, *WORDS, *NUMBERS, *TEXTS, *VALUES)
+KNOWN = (*NEEDED, SLIDING, "a", *ROWS, *COUNTS, *WORDS, *NUMBERS, *TEXTS, *VALUES)
 #: Those of paths alone.
 OF_PATHS = ("position_error", "orientation_error", *COUNTS, *WORDS, *NUMBERS, "qp_solver", *VALUES)
 
@@ -82,6 +84,7 @@ def _misfit(found: Mapping[str, NDArray[Any]]) -> str:
         (JOINTS, (rows, dof), "f"),
         (LIMITS, (dof,), "f"),
         (("joint_names",), (dof,), "U"),
+        ((SLIDING,), (dof,), "b"),
         (NUMBERS, None, "f"),
         (TEXTS, (), "U"),
         (VALUES, (), "f"),
@@ -169,6 +172,7 @@ class MotionStatus(Enum):
 
 
 _NONE, _NO_SEGMENTS = checks.read_only([]), checks.sealed(np.zeros(0, dtype=np.intp))
+_NO_JOINTS = checks.sealed(np.zeros(0, dtype=np.bool_))
 
 
 def _empty() -> Array:
@@ -212,7 +216,7 @@ class _Completing(Frozen):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory(_Completing):
-    """Joint angles over time. Arrays are read-only."""
+    """Joint angles over time; of joints that slide, [m] where [rad] is said. Arrays are read-only."""
 
     joint_names: tuple[str, ...]
     """Names of the joints."""
@@ -262,6 +266,8 @@ class Trajectory(_Completing):
     start_distance: float = 0.0
     """Largest angle of a joint between the seed (home without one) and row 0 of a path [rad]: the arm is to be brought
     there."""
+    sliding: NDArray[np.bool_] = field(default_factory=lambda: _NO_JOINTS)
+    """(dof,) which joints slide, `Robot.sliding`; all turn where it is not given."""
 
     def __post_init__(self) -> None:
         """Fill in what a motion that follows no path need not say, or leave it to when it is asked for."""
@@ -270,6 +276,9 @@ class Trajectory(_Completing):
             object.__setattr__(self, "outcome", MotionStatus.OFF_PATH.name)
         if not self.a.size:
             object.__setattr__(self, "a", changes(self.t, self.v))
+        if not self.sliding.size or self.sliding.flags.writeable:
+            sliding = self.sliding if self.sliding.size else np.zeros(len(self.joint_names))
+            object.__setattr__(self, SLIDING, checks.sealed(np.array(sliding, dtype=np.bool_)))
         for name in USUAL:
             if not len(getattr(self, name)):
                 object.__delattr__(self, name)
@@ -295,10 +304,15 @@ class Trajectory(_Completing):
         if not fast.any():
             return ""
         row, joint = (int(index) for index in np.argwhere(fast)[0])
+        unit = self.unit(joint)
         return (
-            f"{self.joint_names[joint]} moves {moved[row, joint]:.6g} rad from row {row} to the next, in "
-            f"{steps[row, 0]:.6g} s: faster than {self.velocity_limit[joint]:.6g} rad/s"
+            f"{self.joint_names[joint]} moves {moved[row, joint]:.6g} {unit} from row {row} to the next, in "
+            f"{steps[row, 0]:.6g} s: faster than {self.velocity_limit[joint]:.6g} {unit}/s"
         )
+
+    def unit(self, joint: int) -> str:
+        """Of the values of a joint: "rad", or "m" where it slides."""
+        return "m" if self.sliding[joint] else "rad"
 
     @classmethod
     def of(
@@ -330,6 +344,7 @@ class Trajectory(_Completing):
             outcome="OK" if status is None else status.name,
             message=message,
             goal=goal,
+            sliding=robot.sliding,
         )
         if look is not None:
             object.__setattr__(made, "_look", partial(look, q))
@@ -435,10 +450,11 @@ class Trajectory(_Completing):
     ) -> None:
         """Write a file; an existing one is replaced only when the new one is complete.
 
-        ".csv" and ".npz" hold everything and can be loaded. ".json" holds the fields of a ROS JointTrajectory.
-        ".kinova.csv" holds angles [deg] and velocities [deg/s] at 100 Hz for Kinova's driver, of joints that turn.
+        ".csv" and ".npz" hold everything and can be loaded. ".json" holds the fields of a ROS JointTrajectory, with
+        joints that slide in [m]. ".kinova.csv" holds angles [deg] and velocities [deg/s] at 100 Hz for Kinova's driver.
         ".kinova.json" holds a JointTrajectory of points 10 ms apart for the controller of kinova-ros, which plays the
-        velocity of one point each 10 ms, whatever their times: points of another step end elsewhere.
+        velocity of one point each 10 ms, whatever their times: points of another step end elsewhere. Both take every
+        number of a joint for an angle: no joint may slide.
 
         Args:
             path: where the file goes.
@@ -450,8 +466,8 @@ class Trajectory(_Completing):
         Raises:
             InvalidInputError: a trajectory that failed; another ending, the file cannot be written, or an option of ROS
                 with another kind of file. Of a .json, that it does not end at rest, or leaves its limits where
-                controllers interpolate between rows; of .kinova.csv and .kinova.json, that a limit is broken after
-                resampling.
+                controllers interpolate between rows; of .kinova.csv and .kinova.json, that a joint slides, or a limit
+                is broken after resampling.
         """
         checks.whole_number("ros", ros, 1, 2)
         checks.text("joint_prefix", joint_prefix)
@@ -465,6 +481,8 @@ class Trajectory(_Completing):
         if not self.success and (not failed or ending in TO_SEND):
             cure = "it can be written to .csv or .npz, to look at, with failed=True"
             raise InvalidInputError(f"a trajectory that failed is not saved: {self.outcome}, {self.message}; {cure}")
+        if ending in FOR_KINOVA:
+            refuse_sliding(str(path), self.joint_names, self.sliding)
         ros_fields: dict[str, Any] = {"ros": ros, "joint_prefix": joint_prefix, "first_time": later}
         save(
             path,
@@ -505,13 +523,15 @@ class Trajectory(_Completing):
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         """The fields that files hold."""
-        return {name: np.asarray(getattr(self, name)) for name in KNOWN if self.follows_path or name not in OF_PATHS}
+        unsaid = (() if self.follows_path else OF_PATHS) + (() if self.sliding.any() else (SLIDING,))
+        return {name: np.asarray(getattr(self, name)) for name in KNOWN if name not in unsaid}
 
     def _write_csv(self, file: Path) -> None:
         arrays = self._arrays()
         numbers = np.column_stack([arrays[name] for name in ("t", *JOINTS, *ROWS) if name in arrays])
         words = [map(str, arrays[name].tolist()) for name in (*COUNTS, *WORDS) if name in arrays]
         notes = {name: format_exactly(arrays[name]) for name in (*LIMITS, *NUMBERS) if name in arrays}
+        notes |= {name: [str(int(slides)) for slides in arrays[name]] for name in (SLIDING,) if name in arrays}
         notes |= {name: [arrays[name].item()] for name in TEXTS if name in arrays}
         notes |= {name: [repr(arrays[name].item())] for name in VALUES if name in arrays}
         notes[COUNTED] = [str(len(self))]
@@ -581,6 +601,11 @@ def _note_arrays(file: Path, table: Table) -> dict[str, NDArray[Any]]:
     found: dict[str, NDArray[Any]] = {
         name: table.note_numbers(file, name) for name in notes if name in table.notes or name in LIMITS
     }
+    if SLIDING in table.notes:
+        told = table.note_numbers(file, SLIDING)
+        if not np.isin(told, (0.0, 1.0)).all():
+            raise InvalidInputError(f"{file}: the line '# {SLIDING}' must hold 0 and 1")
+        found[SLIDING] = told.astype(np.bool_)
     found |= {name: np.array("".join(table.notes[name])) for name in TEXTS if name in table.notes}
     found |= {name: table.note_numbers(file, name).squeeze() for name in VALUES if name in table.notes}
     return found
@@ -638,6 +663,18 @@ def _write_message(file: Path, names: list[str], times: Array, rows: Rows, ros: 
         stream.write("\n")
 
 
+def refuse_sliding(file: str, joint_names: Sequence[str], sliding: NDArray[np.bool_]) -> None:
+    """Refuse one of Kinova's files for joints of which some slide.
+
+    Raises:
+        InvalidInputError: names them.
+    """
+    slides = [name for name, is_sliding in zip(joint_names, sliding.tolist(), strict=True) if is_sliding]
+    if slides:
+        verb = "slides" if len(slides) == 1 else "slide"
+        raise InvalidInputError(f"{file}: Kinova's files hold angles, and {', '.join(slides)} {verb}")
+
+
 def write_kinova_csv(file: Path, trajectory: Trajectory) -> None:
     """Write angles [deg] and velocities [deg/s] at exactly 100 Hz, as Kinova's driver for the Jaco takes them.
 
@@ -687,9 +724,10 @@ def check_limits(trajectory: Trajectory, q: Array, v: Array) -> None:
     """
     outside = beyond_limits(trajectory, q) > 0.0
     fast = np.abs(v) > trajectory.velocity_limit + SPEED_ROUNDING
-    for broken, values, unit in ((outside, q, "rad"), (fast, v, "rad/s")):
+    for broken, values, per in ((outside, q, ""), (fast, v, "/s")):
         if broken.any():
             row, joint = (int(index) for index in np.argwhere(broken)[0])
+            unit = trajectory.unit(joint) + per
             raise InvalidInputError(
                 f"{trajectory.joint_names[joint]} breaks its limit after resampling: "
                 f"{values[row, joint]:.17g} {unit} in row {row}"
@@ -715,7 +753,8 @@ def check_interpolated(trajectory: Trajectory) -> None:
     if np.abs(v[-1]).max() > 1e-7:  # ROS 2's joint_trajectory_controller refuses more than 1.2e-7
         joint = int(np.argmax(np.abs(v[-1])))
         raise InvalidInputError(
-            f"the last row is not at rest ({names[joint]} at {v[-1, joint]:.3g} rad/s): controllers of ROS 2 refuse it"
+            f"the last row is not at rest ({names[joint]} at {v[-1, joint]:.3g} {trajectory.unit(joint)}/s): "
+            "controllers of ROS 2 refuse it"
         )
     if len(q) == 1:
         return
@@ -724,9 +763,10 @@ def check_interpolated(trajectory: Trajectory) -> None:
         at, speed = between(rows, quintic=order == "quintics")
         past = beyond_limits(trajectory, np.vstack([q[:1], at.reshape(-1, q.shape[1])]))[1:].reshape(at.shape)
         fast = np.abs(speed) - trajectory.velocity_limit * (1.0 + 1e-6)  # interpolation swings
-        for excess, allowed, unit in ((fast, SPEED_ROUNDING, "rad/s"), (past, ON_LIMIT, "rad")):
+        for excess, allowed, per in ((fast, SPEED_ROUNDING, "/s"), (past, ON_LIMIT, "")):
             if excess.max() > allowed:
                 row, _, joint = (int(index) for index in np.unravel_index(int(np.argmax(excess)), excess.shape))
+                unit = trajectory.unit(joint) + per
                 raise InvalidInputError(
                     f"{names[joint]} would pass its limit by {excess.max():.3g} {unit} between rows {row} and "
                     f"{row + 1} where a controller interpolates by {order}: plan it with a smaller dt, "

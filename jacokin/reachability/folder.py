@@ -75,6 +75,8 @@ def load(folder: str | Path, *, robot: Robot | None = None, scene: Scene | None 
         InvalidInputError: not a map, not complete, damaged, or of another robot or scene.
     """
     path = Path(checks.text("folder", str(checks.path("folder", folder))))
+    if str(folder) in _bundled_names() and not path.exists():
+        raise InvalidInputError(f"{path}: there is no such folder; `bundled({path.name!r})` is the map of that robot")
     recipe = _document(path, RECIPE, RECIPE_FORM, f"is not a map: it has no {RECIPE}")
     missing = f"is not a complete map: it has no {MANIFEST}; build the rest of it"
     manifest = _document(path, MANIFEST, {"recipe": str, "sha256": {str: str}, "bound?": (float, None)}, missing)
@@ -114,9 +116,17 @@ def bundled(name: str = DEFAULT_ROBOT) -> ReachabilityMap:
     Raises:
         UnknownNameError: no such robot; lists those that there are.
     """
-    folder = Path(str(package_files("jacokin.reachability"))) / "maps"
-    known = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    return _loaded(folder / checks.choice("robot", name, known))
+    return _loaded(_maps() / checks.choice("robot", name, _bundled_names()))
+
+
+def _maps() -> Path:
+    """Where the bundled maps are."""
+    return Path(str(package_files("jacokin.reachability"))) / "maps"
+
+
+def _bundled_names() -> list[str]:
+    """The robots with a bundled map."""
+    return sorted(path.name for path in _maps().iterdir() if path.is_dir())
 
 
 @functools.cache

@@ -137,13 +137,21 @@ class ReachabilityMap:
         return self._spread(np.where(self.counts.any(axis=1), largest, np.nan))
 
     def dexterity(self, position: ArrayLike) -> float:
-        """Fraction of the orientations that are reached in the cell of a position (3,) [m]; 0 outside the grid.
+        """Fraction of the orientations that are reached in the cell of a position (3,) [m]; 0 where `covers` is False.
 
         Raises:
             InvalidInputError: `position` malformed.
         """
         cell = int(self.samples.cell_of(checks.vector("position", position, 3, "m")[None])[0])
         return 0.0 if cell == NOWHERE else float((self.counts[cell] > 0).mean())
+
+    def covers(self, position: ArrayLike) -> bool:
+        """Whether the map knows of a position (3,) [m]: it is within the grid, or comes from there by joint 1.
+
+        Raises:
+            InvalidInputError: `position` malformed.
+        """
+        return int(self.samples.cell_of(checks.vector("position", position, 3, "m")[None])[0]) != NOWHERE
 
     def reached(self, targets: Array) -> NDArray[np.bool_]:
         """(n,) whether the sample nearest to each pose (n, 4, 4) is reached: quick, and right up to the spacing.

@@ -6,7 +6,8 @@ It takes ROS, Python 3.8 or later, and nothing else: copy it to the machine with
 there or by `ssh` or `docker exec -i`, and speaks to it in lines of JSON, by its standard input and output:
 
     in:   {"joints": [names]} first; {"v": [rad/s]} 100 times a second; {"fingers": 0 open to 1 closed}
-    out:  {"listens": whether the driver does} when that changes, and ten times a second; {"error": why};
+    out:  {"listens": whether the driver does} when that changes, and ten times a second, with {"missing": [names],
+          "heard": [names]} while joint states come that lack joints; {"error": why};
           {"q": [rad], "v": [rad/s], "torques": [N m]}
 
 When velocities stop coming for 50 ms, it sends zeros; when its input ends, it sends zeros and leaves.
@@ -24,12 +25,13 @@ import socket
 import sys
 import threading
 import time
-from typing import Any, Callable  # noqa: UP035 (Python 3.8)
+from typing import Any, Callable, Sequence  # noqa: UP035 (Python 3.8)
 
 PERIOD = 0.01  # [s] of the driver
 WATCHDOG = 0.05  # [s] without velocities, after which zeros are sent
 ZEROS = 5  # messages that end a motion
 ANSWER = 10.0  # [s] that a ROS master may take
+STRANGERS = 20  # names of other joints that are told of a message
 TURNS = 6800.0  # of a finger's motor from open to closed (kinova-ros)
 OPEN, CLOSED = 0.15, 1.35  # [rad] of fingers in ROS 2
 JOINT_VELOCITY = "".join(f"float32 joint{k + 1}\n" for k in range(7))
@@ -138,6 +140,7 @@ class Forwarder:
         self._say, self._lock = say, threading.Lock()
         self._joints = []  # type: list[str]
         self._known = {}  # type: dict[str, tuple[float, float | None, float | None]]
+        self._strangers = {}  # type: dict[str, None]  # names of other joints, in order
         self._arm = None  # type: Ros1 | Ros2 | None
         self._last, self._zeros = -math.inf, ZEROS
         self._share = None  # type: float | None  # of the fingers, until it is sent
@@ -156,6 +159,8 @@ class Forwarder:
             for j in ours:
                 self._known[message.name[j]] = (message.position[j], v[j], torques[j])
             whole = [self._known.get(name) for name in self._joints]
+            if None in whole:
+                self._strangers.update(dict.fromkeys(set_aside(message.name, self._joints)))
             if not ours or None in whole:
                 return
         q, v, torques = (list(column) for column in zip(*whole))  # noqa: B905 (Python 3.8)
@@ -181,6 +186,12 @@ class Forwarder:
                     raise ValueError(f"v must be {len(self._joints)} finite numbers")
                 self._arm.turn(v)
                 self._last, self._zeros = time.monotonic(), 0
+
+    def lacking(self) -> dict[str, list[str]]:
+        """The joints that no state has had yet, and the other names that states have; nothing where all is well."""
+        with self._lock:
+            missing = [name for name in self._joints if name not in self._known]
+            return {"missing": missing, "heard": list(self._strangers)} if missing and self._strangers else {}
 
     def watch(self) -> None:
         """Send zeros where velocities have stopped coming, and what had to wait; to be called each 10 ms."""
@@ -209,6 +220,11 @@ class Forwarder:
         if self._arm is not None:
             self._arm.turn([0.0] * len(self._joints))
         self._zeros += 1
+
+
+def set_aside(names: Sequence[str], joints: Sequence[str]) -> list[str]:
+    """The first names that are not of these joints."""
+    return [name for name in names if name not in joints][:STRANGERS]
 
 
 def check_master() -> None:
@@ -276,7 +292,7 @@ def main() -> int:
         listens = arm.listens()
         if listens != listened or time.monotonic() - said > 0.1:  # [s] it is said again
             said, listened = time.monotonic(), listens
-            say({"listens": listens})
+            say({"listens": listens, **forwarder.lacking()})
     forwarder.end()
     arm.close()
     return 0

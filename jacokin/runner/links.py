@@ -155,7 +155,7 @@ class ProcessLink:
         self._out, self._in = self._process.stdout.fileno(), self._process.stdin.fileno()
         os.set_blocking(self._out, False)
         os.set_blocking(self._in, False)
-        self._held, self._unsent = b"", b""
+        self._held, self._unsent, self._lacking = b"", b"", ""
         self.listens = self._is_closed = False
         with contextlib.suppress(InvalidInputError):  # one that has left already: what it said is heard first
             self._say({"joints": names})
@@ -179,6 +179,9 @@ class ProcessLink:
                 if "error" in fields:
                     raise InvalidInputError(str(fields["error"]))
                 self.listens = bool(fields.get("listens", self.listens))
+                if fields.get("missing"):
+                    missing, heard = (", ".join(map(str, fields.get(name, ()))) for name in ("missing", "heard"))
+                    self._lacking = f"joint states have {heard}, and no {missing}"
                 if "q" in fields:
                     q, v, torques = (_array(fields.get(name)) for name in ("q", "v", "torques"))
                     newest = newest if q is None else Measured(q, v, torques)
@@ -187,6 +190,11 @@ class ProcessLink:
                     raise
                 raise InvalidInputError(f"the forwarder says what is no line of it: {line[:80]!r}") from error
         return newest
+
+    @property
+    def lacking(self) -> str:
+        """What joint states have instead of the joints that were asked for; "" as long as none lacks them."""
+        return self._lacking
 
     def _lines(self) -> list[bytes]:
         """The whole lines that have come."""
@@ -273,7 +281,8 @@ def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Call
             if is_first and not (link.listens and measured is not None):
                 if link.now() - begun > PATIENCE:
                     what = "says where it is" if link.listens else "listens to velocities"
-                    raise InvalidInputError(f"no arm {what} (waited {PATIENCE:g} s)")
+                    lacking = getattr(link, "lacking", "") if link.listens else ""  # only of a forwarder
+                    raise InvalidInputError(f"no arm {what} (waited {PATIENCE:g} s){lacking and ': ' + lacking}")
                 continue
             if not link.listens:
                 runner.lose()  # for good: a driver that comes back finds nobody who moves its arm

@@ -69,7 +69,7 @@ class PlannedMotion:
             robot: the arm.
             time: (n,) strictly rising [s].
             q: (n, dof) [rad].
-            start: how far a joint may be from the first row when it begins [rad].
+            start: how far a joint may be from the first row when it begins [rad], [m] of one that slides.
 
         Raises:
             InvalidInputError: malformed, or a row breaks a limit; names it.
@@ -134,9 +134,10 @@ class PlannedMotion:
         far = np.abs(away)
         if far.max() > self._start:
             joint = int(np.argmax(far))
+            off, allowed = in_words(self.robot, joint, far[joint], ".1f"), in_words(self.robot, joint, self._start)
             raise InvalidInputError(
-                f"{self.robot.joint_names[joint]} is {math.degrees(far[joint]):.1f} deg from where the motion begins "
-                f"({math.degrees(self._start):g} allowed): move it there first"
+                f"{self.robot.joint_names[joint]} is {off} from where the motion begins ({allowed} allowed): "
+                "move it there first"
             )
         self._now = 0.0
 
@@ -232,7 +233,12 @@ class LiveMotion:
 def apart(robot: Robot, q: Array, other: Array) -> Array:
     """From angles to others (dof,) [rad], up to whole turns on joints without limits."""
     away = np.asarray(other - q)
-    return np.where(robot.unlimited, wrap_to_pi(away), away)
+    return np.where(robot.unlimited & ~robot.sliding, wrap_to_pi(away), away)
+
+
+def in_words(robot: Robot, joint: int, value: float, digits: str = ".3g") -> str:
+    """A difference of a joint's values [rad, m] as a text: "5 deg", or "5 mm" of one that slides."""
+    return f"{1e3 * value:{digits}} mm" if robot.sliding[joint] else f"{math.degrees(value):{digits}} deg"
 
 
 def _check_limits(robot: Robot, time: Array, q: Array) -> None:
@@ -240,7 +246,7 @@ def _check_limits(robot: Robot, time: Array, q: Array) -> None:
     if past.max() > ROUNDING:
         row, joint = (int(index) for index in np.unravel_index(int(np.argmax(past)), past.shape))
         raise InvalidInputError(
-            f"{robot.joint_names[joint]} is {math.degrees(past[row, joint]):.3g} deg past its limit in row {row}"
+            f"{robot.joint_names[joint]} is {in_words(robot, joint, past[row, joint])} past its limit in row {row}"
         )
     if len(q) == 1:
         return
@@ -249,6 +255,6 @@ def _check_limits(robot: Robot, time: Array, q: Array) -> None:
     if (fast * steps > SPEED_ROUNDING * steps + ROUNDING).any():
         row, joint = (int(index) for index in np.unravel_index(int(np.argmax(fast)), fast.shape))
         raise InvalidInputError(
-            f"{robot.joint_names[joint]} is {math.degrees(fast[row, joint]):.3g} deg/s faster than its limit from row "
-            f"{row} to the next"
+            f"{robot.joint_names[joint]} is {in_words(robot, joint, fast[row, joint])}/s faster than its limit from "
+            f"row {row} to the next"
         )

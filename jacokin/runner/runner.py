@@ -24,7 +24,7 @@ from jacokin.model import checks
 from jacokin.model.contact_observer import ContactObserver
 from jacokin.model.robot import Robot, checked_robot
 from jacokin.runner.measuring import MOST, LatencyMeasurement, Standing
-from jacokin.runner.motions import Motion, Wanted, apart
+from jacokin.runner.motions import Motion, Wanted, apart, in_words
 from jacokin.twin.faults import TICK
 
 RAMP = 0.2  # [s] in which a motion comes to wait for its arm, and goes on
@@ -69,11 +69,11 @@ class RunnerOptions:
     latency: float | None = None
     """How late a velocity is seen in what is measured [s]; None to measure it as the arm begins to move."""
     lag: float = math.radians(5.0)
-    """How far a joint may be off the motion [rad]."""
+    """How far a joint may be off the motion [rad], [m] of one that slides."""
     silence: float = 0.5
     """How long nothing may be measured [s]; after half of it, or three measurements that miss, the motion waits."""
     reached: float = math.radians(0.2)
-    """How near the end of the motion is there [rad]."""
+    """How near the end of the motion is there [rad], [m] of joints that slide."""
     patience: float = 5.0
     """How long the arm may take to come to rest after the end of the motion [s]."""
     contact: float | None = None
@@ -318,9 +318,9 @@ class Runner:
         """End, wait or go on, by what is known now."""
         options, far = self.options, np.abs(self._error)
         joint = int(np.argmax(far))
-        off = f"{self.robot.joint_names[joint]} is {math.degrees(far[joint]):.1f} deg off the motion"
+        off = f"{self.robot.joint_names[joint]} is {in_words(self.robot, joint, far[joint], '.1f')} off the motion"
         if far[joint] > options.lag:
-            self._end(RunnerStatus.BEHIND, f"{off} ({math.degrees(options.lag):.3g} allowed)")
+            self._end(RunnerStatus.BEHIND, f"{off} ({in_words(self.robot, joint, options.lag)} allowed)")
             return
         if self.status is RunnerStatus.SETTLING:
             if self.stands and self.away < options.reached:

@@ -362,7 +362,7 @@ class Task:
     def success(self, achieved: Array, desired: Array) -> Array:
         """Whether (...) the task is solved: all that its reward asks for is within its bounds."""
         assert self._success is not None  # checked when the task was made
-        return measured("success", self._success, State.of_goals(achieved, desired)).astype(bool)
+        return _succeeded(self._success, State.of_goals(achieved, desired))
 
     def score(self, state: State) -> Array:
         """The reward (...) of a state.
@@ -383,7 +383,7 @@ class Task:
             InvalidInputError: as of `score`.
         """
         if self._success is not None:
-            return measured("success", self._success, state).astype(bool)
+            return _succeeded(self._success, state)
         return self.success(state.achieved, state.desired)
 
     def start(self, random_state: RandomState) -> Array:
@@ -464,6 +464,19 @@ def measured(name: str, measure: Measure, state: State) -> Array:
     if found.shape != leading:
         raise InvalidInputError(f"{name} must give numbers of shape {leading}, got shape {found.shape}. {_AXES}")
     return found
+
+
+def _succeeded(measure: Measure, state: State) -> Array:
+    """Whether a function says so of a state, of each simulation.
+
+    Raises:
+        InvalidInputError: it gives something else than True and False.
+    """
+    found = measured("success", measure, state)
+    told = (found == 0.0) | (found == 1.0)
+    if not told.all():
+        raise InvalidInputError(f"success must give True or False, got {np.ravel(found)[~np.ravel(told)][0]:g}")
+    return found.astype(np.bool_)
 
 
 def check_rewards(task: str, rewards: Array | float, when: str = "") -> None:

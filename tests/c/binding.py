@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 from collections.abc import Sequence
 from ctypes import POINTER, Structure, byref, c_char_p, c_double, c_int, c_size_t, c_void_p
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from jacokin.arrays import Array
 from jacokin.ik import FreeAxis, IKSolver
-from jacokin.ik.c_library import solver_file
+from jacokin.ik.c_library import INCLUDE, solver_file
 from jacokin.kernels import library
 from jacokin.model import Robot
 
@@ -19,7 +20,10 @@ from jacokin.model import Robot
 (NO_FILE, DAMAGED_FILE, OTHER_VERSION, NO_MEMORY) = range(-7, -11, -1)
 POSES, INTERVALS = 0, 1
 LIMIT, FOLD, RANGE, CIRCLE, LOST = range(5)
-MAX_BRANCHES, MAX_INTERVALS = 24, 256
+_HEADER = (INCLUDE / "jacokin_ik.h").read_text(encoding="ascii")
+MAX_BRANCHES, MAX_INTERVALS = (
+    int(re.findall(rf"#define JACOKIN_IK_{name} (\d+)", _HEADER)[0]) for name in ("MAX_BRANCHES", "MAX_INTERVALS")
+)
 
 
 class Branch(Structure):

@@ -22,6 +22,7 @@ from jacokin.model.descriptions import bundled
 from tests.c import binding
 from tests.c.binding import C, CSolver, make_targets
 from tests.robot_files import load_text, serial_urdf, ur5_text
+from tests.seven_joint_arms import STRAIGHT, load_arm
 
 SIX = [name for name in bundled.NAMES if jacokin.load_robot(name).dof == 6]
 
@@ -241,6 +242,19 @@ def test_poses_of_seven_joints_are_solved_one_by_one_and_in_a_batch() -> None:
         assert result.success == (one == binding.OK)
         if result.success:
             np.testing.assert_allclose(q, result.q, atol=1e-9)
+
+
+def test_there_is_room_for_all_intervals_of_a_straight_arm(tmp_path: Path) -> None:
+    """A joint stands on its limit along a whole curve, and rounding cuts that into hundreds of pieces."""
+    robot = load_arm("iiwa14", tmp_path)
+    solver = IKSolver(robot, collision="ignore")
+    found = solver.solve_all(robot.forward_kinematics(STRAIGHT))
+    status, intervals, complete = CSolver(solver, binding.INTERVALS).intervals(
+        np.ascontiguousarray(robot.forward_kinematics(STRAIGHT).homogeneous)
+    )
+    assert status == binding.OK
+    assert len(intervals) == len(found.intervals) > 256
+    assert complete is found.complete is False
 
 
 @pytest.mark.parametrize(("name", "free"), [TURNS["seven joints"], TURNS["a spherical wrist"]])

@@ -23,7 +23,9 @@ def test_a_map_is_built_in_shards_asked_and_drawn(run: Run, tmp_path: Path) -> N
     run("map", "query", tmp_path / "map", "--position", "0.3", "0.2", "0.4", code=2)
     assert "poses" in run(*words).out
     answer = run("map", "query", tmp_path / "map", "--position", "1.9", "0.2", "0.4", "--down", "--json")
-    assert answer.document["dexterity"] == 0.0
+    assert (answer.document["dexterity"], answer.document["covered"]) == (0.0, False)
+    outside = run("map", "query", tmp_path / "map", "--position", "1.9", "0.2", "0.4").out
+    assert "not known: outside the grid of the map" in outside
     assert (answer.document["reached"], answer.document["reached_by"]) == (False, "solver")
     pose = jacokin.pose(answer.document["nearest_position"], answer.document["nearest_quat_wxyz"])
     assert jacokin.solve_ik(pose).success

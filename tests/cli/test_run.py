@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from jacokin import Robot
 from jacokin.motion import move_joints
 from tests.cli.run import Run
 from tests.gripper_arms import panda_text
-from tests.robot_files import load_text, urdf_text
+from tests.robot_files import CRANE, load_text, urdf_text
 
 
 @pytest.fixture
@@ -33,6 +34,27 @@ def test_the_simulated_arm_plays_a_file(run: Run, file: Path) -> None:
     assert said["latency"] == said["measured_latency"] == pytest.approx(0.04, abs=0.01)
     answer = run("run", file, "--twin", "--faults", "stall=9", "--random-seed", "3", code=(0, 1))
     assert "ARRIVED" in answer.out or "SILENT: nothing said where the arm is" in answer.out
+
+
+def test_metres_are_not_sent_as_degrees(run: Run, tmp_path: Path) -> None:
+    crane = tmp_path / "crane.urdf"
+    crane.write_text(CRANE, encoding="utf-8")
+    move_joints(jacokin.load_robot(crane), [0.0, 0.2, 0.0], [0.1, 0.7, 0.4]).save(tmp_path / "m.csv")
+    said = run("run", tmp_path / "m.csv", "--ros", "1", "--robot", crane, code=2).err
+    assert "--ros 1 sends degrees to Kinova's driver, and slide of crane slides: use --ros 2" in said
+
+
+def test_what_slides_is_not_told_in_degrees(run: Run, tmp_path: Path) -> None:
+    crane = tmp_path / "crane.urdf"
+    crane.write_text(CRANE, encoding="utf-8")
+    start = [0.0, 0.2, 0.0]
+    move_joints(jacokin.load_robot(crane), start, [0.1, 0.4, 0.1]).save(tmp_path / "m.csv")
+    ideal = forwarder(tmp_path, TURNED, "say({'q': q, 'v': None, 'torques': None})", q=start)
+    words = ("run", tmp_path / "m.csv", "--robot", crane, "--forwarder", ideal, "--latency", "0")
+    document = run(*words, "--json").document
+    assert document["away"] < 2e-3
+    assert "away_deg" not in document
+    assert "rad or m from the end of the motion" in run(*words).out
 
 
 def test_a_latency_that_was_given_wrongly_is_said(run: Run, file: Path) -> None:
@@ -71,12 +93,12 @@ FORWARDERS = {
 }
 
 
-def forwarder(folder: Path, *lines: str) -> str:
-    """The command of one that does this with the `fields` of each line; `q` are the angles of home."""
+def forwarder(folder: Path, *lines: str, q: Sequence[float] | None = None) -> str:
+    """The command of one that does this with the `fields` of each line; `q` are at first those, or home."""
     script = folder / "forwarder.py"
     program = [
         "import json, sys",
-        f"q, heard = {jacokin.load_robot().home.tolist()}, []",
+        f"q, heard = {list(q or jacokin.load_robot().home.tolist())}, []",
         "def say(fields): print(json.dumps(fields), flush=True)",
         "for line in sys.stdin:",
         *(
@@ -96,6 +118,18 @@ def test_a_forwarder_that_does_not_serve(run: Run, file: Path, tmp_path: Path, w
     script = tmp_path / "forwarder.py"
     script.write_text(f"import json, sys, time\nsys.stdin.readline()\n{FORWARDERS[why]}\n")
     assert why in run("run", file, "--forwarder", f"{sys.executable} {script}", code=2).err
+
+
+def test_joints_of_other_names_are_told(run: Run, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What never began has no status."""
+    monkeypatch.setattr("jacokin.runner.links.PATIENCE", 0.5)
+    other = forwarder(
+        tmp_path, "say({'listens': True, 'missing': fields['joints'][:2], 'heard': ['arm_joint_1', 'arm_joint_2']})"
+    )
+    answer = run("run", file, "--forwarder", other, "--json", code=2)
+    told = "joint states have arm_joint_1, arm_joint_2, and no j2n6s300_joint_1, j2n6s300_joint_2"
+    assert f"no arm says where it is (waited 0.5 s): {told}" in answer.err
+    assert answer.out == ""
 
 
 def test_a_forwarder_moves_an_ideal_arm(run: Run, file: Path, tmp_path: Path) -> None:

@@ -300,6 +300,12 @@ def test_other_kinds_of_files_are_refused(robot: Robot, tmp_path: Path) -> None:
         Log(tmp_path / "folder.mcap", robot)
     with pytest.raises(InvalidInputError, match="ends in .bag, .mcap, .db3"):
         Log(tmp_path / "log.csv", robot)
+    file = write(tmp_path / "drive", ".mcap", states(robot))  # the folder is what `ros2 bag record` is told
+    with pytest.raises(InvalidInputError, match=rf"ends in .*; in this folder is {file.name}$"):
+        Log(file.parent, robot)
+    (tmp_path / "plain").mkdir()
+    with pytest.raises(InvalidInputError, match="ends in .bag, .mcap, .db3$"):
+        Log(tmp_path / "plain", robot)
     address = tmp_path / "a?mode=rw.db3"
     address.write_bytes(b"")
     with pytest.raises(InvalidInputError, match="as long as"):

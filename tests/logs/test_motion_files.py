@@ -13,6 +13,7 @@ from jacokin import Robot
 from jacokin.errors import InvalidInputError
 from jacokin.logs.motion_files import read_motion
 from jacokin.motion import Trajectory, move_joints, track_path
+from tests.robot_files import CRANE
 
 POINT = {"positions": [4.8, 2.9, 1.0, 4.2, 1.4, 1.3], "time_from_start": {"sec": 0, "nanosec": 0}}
 NAMES = [f"joint_{number}" for number in range(1, 7)]
@@ -124,6 +125,17 @@ def test_damaged_files_for_kinovas_driver_are_refused(robot: Robot, trajectory: 
         file.write_text("\n".join(lines) + "\n", encoding="utf-8")
         with pytest.raises(InvalidInputError, match=rf"m\.kinova\.csv.*{why}"):
             read_motion(file, robot)
+
+
+def test_degrees_are_not_read_as_metres(tmp_path: Path) -> None:
+    (tmp_path / "crane.urdf").write_text(CRANE, encoding="utf-8")
+    crane = jacokin.load_robot(tmp_path / "crane.urdf")
+    file = tmp_path / "m.kinova.csv"
+    joints = [f"joint{k}_deg" for k in (1, 2, 3)]
+    head = ",".join(["time_s", *joints, *(f"{joint}_s" for joint in joints)])
+    file.write_text(f"{head}\n0.00,0,40,0,0,0,0\n", encoding="utf-8")
+    with pytest.raises(InvalidInputError, match=r"m\.kinova\.csv: Kinova's files hold angles, and slide slides"):
+        read_motion(file, crane)
 
 
 @pytest.mark.parametrize("name", ["missing.csv", "text.csv", "x.txt"])

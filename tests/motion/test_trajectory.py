@@ -8,6 +8,7 @@ import io
 import json
 import math
 import pickle
+import re
 import zipfile
 from dataclasses import fields, replace
 from pathlib import Path
@@ -17,11 +18,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from jacokin import Robot
+from jacokin import IKSolver, Robot, load_robot
 from jacokin.errors import InvalidInputError
-from jacokin.motion import Trajectory, move_joints
+from jacokin.motion import Trajectory, move_joints, plan_motion, track_path
 from jacokin.motion import trajectory as trajectories
 from tests.programs import python
+from tests.robot_files import CRANE
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +38,66 @@ def trajectory(request: pytest.FixtureRequest) -> Trajectory:
     """Either kind of result."""
     found: Trajectory = request.getfixturevalue("result" if request.param == "path" else "motion")
     return found
+
+
+@pytest.fixture(scope="module")
+def lifting(tmp_path_factory: pytest.TempPathFactory) -> Trajectory:
+    """A motion of an arm whose second joint slides."""
+    file = tmp_path_factory.mktemp("crane") / "crane.urdf"
+    file.write_text(CRANE, encoding="utf-8")
+    robot = load_robot(file)
+    return move_joints(robot, [0.0, 0.2, 0.0], [0.1, 0.7, 0.4])
+
+
+@pytest.mark.parametrize("name", ["made.csv", "made.npz"])
+def test_which_joints_slide_comes_back(lifting: Trajectory, motion: Trajectory, tmp_path: Path, name: str) -> None:
+    assert lifting.sliding.tolist() == [False, True, False]
+    lifting.save(tmp_path / name)
+    back = Trajectory.load(tmp_path / name)
+    assert back.sliding.tolist() == [False, True, False]
+    assert not back.sliding.flags.writeable
+    motion.save(tmp_path / name)
+    assert Trajectory.load(tmp_path / name).sliding.tolist() == [False] * 6
+    # An arm whose joints all turn has the files that it had before.
+    assert b"sliding" not in (tmp_path / name).read_bytes()
+
+
+@pytest.mark.parametrize("name", ["made.kinova.csv", "made.kinova.json"])
+def test_metres_are_not_written_as_degrees(lifting: Trajectory, tmp_path: Path, name: str) -> None:
+    lifting.save(tmp_path / "kept.csv")
+    for trajectory in (lifting, Trajectory.load(tmp_path / "kept.csv")):
+        with pytest.raises(InvalidInputError, match=rf"{name}.*Kinova's files hold angles, and slide slides"):
+            trajectory.save(tmp_path / name)
+    assert not (tmp_path / name).exists()
+    lifting.save(tmp_path / "made.json")
+    message = json.loads((tmp_path / "made.json").read_text(encoding="utf-8"))
+    assert message["points"][-1]["positions"] == lifting.q[-1].tolist()
+
+
+def test_every_motion_knows_which_joints_slide(lifting: Trajectory, tmp_path: Path) -> None:
+    file = tmp_path / "crane.urdf"
+    file.write_text(CRANE, encoding="utf-8")
+    robot = load_robot(file)
+    solver = IKSolver(robot)
+    poses = [robot.forward_kinematics(q) for q in ([0.0, 0.4, 0.0], [0.05, 0.45, 0.05])]
+    found = (track_path(robot, poses, start=[0.0, 0.4, 0.0]), plan_motion(solver, [0.0, 0.2, 0.0], [0.1, 0.7, 0.4]))
+    for trajectory in found:
+        assert trajectory.sliding.tolist() == [False, True, False]
+    away = track_path(robot, poses)
+    assert "m (slide) from home: bring the arm to q[0] first" in away.message
+    fast = replace(lifting, velocity_limit=0.1 * lifting.velocity_limit, outcome="OK")
+    assert re.search(r"slide moves \S+ m from row .*: faster than 0.1 m/s", fast.message)
+
+
+def test_a_wrong_word_on_sliding_is_refused(lifting: Trajectory, tmp_path: Path) -> None:
+    file = tmp_path / "made.csv"
+    lifting.save(file)
+    text = file.read_text(encoding="utf-8")
+    assert "# sliding,0,1,0" in text
+    for told in ("0,2,0", "0,1", "0,x,0"):
+        file.write_text(text.replace("# sliding,0,1,0", f"# sliding,{told}"), encoding="utf-8")
+        with pytest.raises(InvalidInputError, match=r"made\.csv.*sliding"):
+            Trajectory.load(file)
 
 
 @pytest.mark.parametrize("name", ["made.csv", "made.npz"])

@@ -119,6 +119,8 @@ def test_arrays_have_the_shape_of_the_grid_and_the_symmetry_of_the_arm(reach: Re
     middle = tuple(n // 2 for n in reach.grid.shape)
     assert reach.dexterity(reach.grid.centres()[middle]) == reach.fraction[middle]
     assert reach.dexterity([9.0, 0.0, 0.0]) == 0.0
+    assert reach.covers(reach.grid.centres()[middle])
+    assert not reach.covers([9.0, 0.0, 0.0])
 
 
 def test_the_nearest_reachable_pose_is_reached_and_near(

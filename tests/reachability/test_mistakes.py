@@ -136,8 +136,10 @@ def test_a_manifest_without_chunks(tmp_path: Path) -> None:
     (folder / "manifest.json").write_text(json.dumps(manifest | {"sha256": 3}), encoding="utf-8")
     with pytest.raises(InvalidInputError, match="sha256 must be a mapping"):
         load(folder)
-    with pytest.raises(InvalidInputError, match="there is no such folder"):
+    with pytest.raises(InvalidInputError, match="there is no such folder$"):
         load(tmp_path / "nowhere")
+    with pytest.raises(InvalidInputError, match=r"there is no such folder; `bundled\('gen3_lite'\)` is the map"):
+        load("gen3_lite")
 
 
 def test_pictures_in_another_format(tmp_path: Path) -> None:

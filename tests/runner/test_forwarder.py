@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,21 @@ def test_fingers_are_moved_once_they_listen(capsys: pytest.CaptureFixture[str]) 
     assert arm.shares == [0.5, 1.0]
     forwarder.end()
     assert capsys.readouterr().err == ""
+
+
+def test_joint_states_of_other_joints_are_told() -> None:
+    said: list[dict[str, Any]] = []
+    forwarder = Forwarder(said.append)
+    forwarder.hear('{"joints": ["left_joint_1", "left_joint_2"]}')
+    assert forwarder.lacking() == {}  # nothing was heard at all
+    none: list[float] = []
+    for names in (["joint_1", "joint_2"], ["finger", "joint_1"], ["left_joint_1"]):
+        forwarder.take(SimpleNamespace(name=names, position=[0.0] * len(names), velocity=none, effort=none))
+    assert forwarder.lacking() == {"missing": ["left_joint_2"], "heard": ["joint_1", "joint_2", "finger"]}
+    assert said == []
+    forwarder.take(SimpleNamespace(name=["left_joint_2"], position=[0.1], velocity=none, effort=none))
+    assert forwarder.lacking() == {}
+    assert said == [{"q": [0.0, 0.1], "v": None, "torques": None}]
 
 
 def linked(program: str) -> ProcessLink:

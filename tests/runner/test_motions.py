@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+import jacokin
 from jacokin.errors import InvalidInputError
 from jacokin.model import Robot
 from jacokin.motion import Tracker, Trajectory, move_joints
-from jacokin.runner import LiveMotion, PlannedMotion, ProcessLink, Runner, RunnerStatus, TwinLink, run
+from jacokin.runner import LiveMotion, Measured, PlannedMotion, ProcessLink, Runner, RunnerStatus, TwinLink, run
 from jacokin.teleop import Teleop
 from jacokin.twin import KinovaDriver, SimulatedArm
+from tests.robot_files import CRANE
 
 TICK = 0.01
 
@@ -46,6 +48,23 @@ def test_all_files_that_save_writes(robot: Robot, trajectory: Trajectory, tmp_pa
         assert motion.now > before
         np.testing.assert_allclose(q, wanted.q, atol=1e-9)
     np.testing.assert_allclose(q, trajectory.q[-1], atol=1e-9)
+
+
+def test_a_slide_is_told_in_millimetres(tmp_path: Path) -> None:
+    file = tmp_path / "crane.urdf"
+    file.write_text(CRANE, encoding="utf-8")
+    crane = jacokin.load_robot(file)
+    with pytest.raises(InvalidInputError, match=r"slide is 100 mm past its limit in row 1"):
+        PlannedMotion(crane, [0.0, 9.0], [[0.0, 1.0, 0.0], [0.0, 1.6, 0.0]])
+    with pytest.raises(InvalidInputError, match=r"slide is 500 mm/s faster than its limit from row 0"):
+        PlannedMotion(crane, [0.0, 0.1], [[0.0, 1.0, 0.0], [0.0, 1.15, 0.0]])
+    motion = PlannedMotion(crane, [0.0, 1.0], [[0.0, 1.0, 0.0], [0.0, 1.1, 0.0]])
+    with pytest.raises(InvalidInputError, match=r"slide is 50.0 mm from where the motion begins \(34.9 mm allowed\)"):
+        motion.begin(np.array([0.0, 0.95, 0.0]))
+    runner = Runner(crane, motion)
+    runner.step(0.0, Measured(np.array([0.0, 1.0, 0.0])))
+    step = runner.step(0.01, Measured(np.array([0.0, 1.2, 0.0])))
+    assert "slide is 200.0 mm off the motion (87.3 mm allowed)" in step.message
 
 
 def test_rows_that_break_a_limit_are_refused(robot: Robot) -> None:

@@ -140,6 +140,8 @@ def test_wrong_arguments_of_reset_change_nothing() -> None:
             one.environment.reset(options=options)
     with pytest.raises(UnknownNameError, match="option of reset"):
         one.environment.reset(options={"speed": 1})
+    with pytest.raises(InvalidInputError, match="'randomization' goes with an environment that has one"):
+        one.environment.reset(options={"randomization": {"mass": 1.0}})
     assert one.step(one.middle()) == other.step(other.middle())
     first, _ = one.environment.reset(seed=np.int64(7))  # any whole number
     np.testing.assert_array_equal(first, other.environment.reset(seed=7)[0])

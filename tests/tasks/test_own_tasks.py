@@ -532,3 +532,12 @@ def test_a_task_without_a_name_is_told_how_to_get_one() -> None:
     for make in (TaskEnv, jacokin.tasks.load):
         with pytest.raises(InvalidInputError, match=r"task must be a name, got a Task: register\(task, id="):
             make(task)  # type: ignore[arg-type]  # a user's mistake
+
+
+@pytest.mark.usefixtures("own_tasks")
+@pytest.mark.parametrize(("told", "said"), [(np.nan, "nan"), (0.5, "0.5"), (-1.0, "-1")])
+def test_what_is_neither_success_nor_failure_is_refused(told: float, said: str) -> None:
+    task = Task(success=lambda state: np.full(state.desired.shape[:-1], told), reward=lambda state: 0.0)
+    jacokin.tasks.register(task, id="mine/Neither-v0")
+    with pytest.raises(InvalidInputError, match=f"success must give True or False, got {said}$"):
+        TaskEnv("mine/Neither-v0").reset(seed=0)

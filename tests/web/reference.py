@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import json
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from jacokin.ik import IKSolver
 from jacokin.ik.c_library import solver_file
 from tests.c import binding
 from tests.c.binding import CSolver, make_targets
+from tests.seven_joint_arms import STRAIGHT, load_arm
 
 STATUSES = ("ok", "unreachable", "outside_limits", "no_convergence")
 ENDS = ("limit", "fold", "range", "circle", "lost")
@@ -44,8 +46,20 @@ def write(folder: Path) -> None:
         (folder / f"{name}.f64").write_bytes(doubles.astype("<f8").tobytes())
     curves = {name: _curves(name, about) for name, about in CURVES.items()}
     (folder / "curves.json").write_text(json.dumps(curves), encoding="ascii")
+    _write_straight(folder)
     robot = jacokin.load_robot("j2n6s300", limits={"joint_2": (1.0, 5.0)})
     (folder / "own.jacokin").write_bytes(solver_file(IKSolver(robot, tool=jacokin.pose([0.0, 0.0, 0.1]))))
+
+
+def _write_straight(folder: Path) -> None:
+    """An arm with the pose that has most intervals, and how many."""
+    with tempfile.TemporaryDirectory() as place:
+        robot = load_arm("iiwa14", Path(place))
+    solver = IKSolver(robot, collision="ignore")
+    (folder / "straight.jacokin").write_bytes(solver_file(solver))
+    T = np.ascontiguousarray(robot.forward_kinematics(STRAIGHT).homogeneous)
+    count = len(CSolver(solver, binding.INTERVALS).intervals(T)[1])
+    (folder / "straight.json").write_text(json.dumps({"pose": T.ravel().tolist(), "count": count}), encoding="ascii")
 
 
 def _six_joints(name: str, n: int) -> tuple[dict[str, Any], Array]:

@@ -70,6 +70,10 @@ test("wrong arguments are errors that name them", async () => {
   refused(() => seven.all(seven.fk(seven.home)), /use intervals/);
   refused(() => six.intervals(pose), /use all\(\), or give an axis/);
   refused(() => seven.intervals(seven.fk(seven.home), { axis: [0, 0, 1] }), /for six joints/);
+  for (const about of [six.home, [0, 0, 1], {}, 0]) { // a seed in its place, for one
+    refused(() => six.nearest(pose, null, about), /the axis must be like \{ axis: \[0, 0, 1\], range/);
+    refused(() => six.intervals(pose, about), /the axis must be like/);
+  }
   refused(() => six.intervals(pose, { axis: [0, 0, 0] }), /axis must not be 0/);
   refused(() => six.intervals(pose, { axis: [0, 0] }), /axis must be 3 numbers/);
   refused(() => six.intervals(pose, { axis: [0, 0, 1], range: [1, 0] }), /range must rise/);
@@ -136,6 +140,23 @@ test("a page may bring the WebAssembly itself", async () => {
   for (const wasm of [bytes, module, new URL("../jacokin.wasm", import.meta.url)]) {
     const solver = await load("gen3_lite", { wasm });
     assert.equal(solver.nearest(solver.fk(solver.home)).status, "ok");
+  }
+});
+
+test("a file that a bundler has left behind is told where it belongs", async () => {
+  const folder = await mkdtemp(join(tmpdir(), "jacokin-"));
+  try {
+    for (const name of ["jacokin.js", "robots.js"]) {
+      await writeFile(join(folder, name.replace(".js", ".mjs")), (await readFile(new URL(`../${name}`, import.meta.url), "utf8")).replace("robots.js", "robots.mjs"));
+    }
+    const bundle = await import(pathToFileURL(join(folder, "jacokin.mjs")));
+    await assert.rejects(bundle.load(), /jacokin.wasm cannot be read: .*where a bundler leaves jacokin.wasm behind, copy it there, or give its place/);
+    await writeFile(join(folder, "jacokin.wasm"), "<!doctype html>"); // as some servers answer
+    await assert.rejects(bundle.load(), /wasm: this is not .*where a bundler leaves jacokin.wasm behind/);
+    await writeFile(join(folder, "jacokin.wasm"), await readFile(new URL("../jacokin.wasm", import.meta.url)));
+    assert.equal((await bundle.load("gen3")).robot, "gen3");
+  } finally {
+    await rm(folder, { recursive: true });
   }
 });
 

@@ -106,6 +106,15 @@ for (const name of ["j2n6s300", "gen3_lite", "j2s7s300", "gen3"]) {
   });
 }
 
+test("there is room for all intervals of a straight arm", async () => {
+  const solver = await load(readFileSync(new URL("straight.jacokin", FOLDER)));
+  const { pose, count } = text("straight.json");
+  const found = solver.intervals(pose);
+  assert.ok(count > 256);
+  assert.equal(found.length, count);
+  assert.equal(found.complete, false);
+});
+
 test("a solver file of one's own", async () => {
   const url = new URL("own.jacokin", FOLDER);
   const own = await load(readFileSync(url));

@@ -90,6 +90,7 @@ def one_after_the_other(first: Trajectory, then: Trajectory, words: str) -> Traj
         a=checks.sealed(rows.a),
         clearance=checks.read_only(np.concatenate([first.clearance, then.clearance[1:]])),
         message=f"{first.message}; then {then.duration:.4g} s {words}",
+        sliding=first.sliding,
     )
 
 

@@ -28,6 +28,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.contact import ContactBetween, Pair
 from jacokin.model.obstacles import OtherRobot
+from jacokin.model.robot import unit_of
 from jacokin.model.scene import Scene
 from jacokin.motion.rows import WHOLE_TICK, Rows, cubic, joined, resting, standing
 from jacokin.motion.trajectory import MotionStatus, Trajectory
@@ -437,7 +438,8 @@ def _course(robot: OtherRobot, motion: object) -> TimedMotion:
     other = np.flatnonzero(~np.isclose(there, here, rtol=0.0, atol=1e-6).all(axis=1))
     if len(other):
         joint = trajectory.joint_names[other[0]]
-        moved, known = (f"{low:.6g} to {high:.6g} rad" for low, high in (there[other[0]], here[other[0]]))
+        unit = unit_of(robot.robot, int(other[0]))
+        moved, known = (f"{low:.6g} to {high:.6g} {unit}" for low, high in (there[other[0]], here[other[0]]))
         raise InvalidInputError(
             f"{name} was made for an arm whose {joint} goes from {moved}, that of the robot in the scene goes from "
             f"{known}: add that arm to the scene"

@@ -20,7 +20,7 @@ import numpy as np
 from jacokin.arrays import Array
 from jacokin.ik.seeds import ON_LIMIT, checked_start
 from jacokin.model.contact import Pair
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, unit_of
 from jacokin.motion.free_motion.search import WaySearch
 from jacokin.motion.free_motion.sections import TimedCourse, fit_time
 from jacokin.motion.rows import (
@@ -173,7 +173,7 @@ def _hindrance(robot: Robot, rows: Rows, search: WaySearch | None, *, is_straigh
     past = np.maximum(end - np.maximum(robot.upper, start), np.minimum(robot.lower, start) - end)
     worst = int(np.argmax(past))
     if past[worst] > ON_LIMIT:
-        return f"{robot.joint_names[worst]} would stop {past[worst]:.3g} rad past its limit"
+        return f"{robot.joint_names[worst]} would stop {past[worst]:.3g} {unit_of(robot, worst)} past its limit"
     pair = None if search is None else _touching(rows, search, is_straight=is_straight)
     return "" if pair is None else f"{pair[0]} and {pair[1]} touch on the way to rest"
 

@@ -26,7 +26,7 @@ from jacokin.ik.verification import Verifier
 from jacokin.model import checks
 from jacokin.model.angles import wrap_to_pi
 from jacokin.model.poses import FreeAxis, rotation_angle
-from jacokin.model.robot import acceleration_limits, limit_margins, velocity_limits
+from jacokin.model.robot import acceleration_limits, limit_margins, unit_of, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
 from jacokin.motion.joint_motion import ACCELERATION
 from jacokin.motion.path import MOST_CURVES, MOST_PLACES, MOST_SURFACES, CartesianPath
@@ -289,7 +289,7 @@ class _Writer:
             limiting.append("; ".join(names) if names else reason if held else "")
         clearance = verifier.distances(q) if verifier.looks_for_contact else np.full(len(q), np.nan)
         away = np.abs(q[0] - self.near)
-        jump = seeds.describe_jump(robot.joint_names, away, self.origin)
+        jump = seeds.describe_jump(robot, away, self.origin)
         words = [(reason or self._sentence(speed, fast, status, rows)) + note, jump, self.note]
         return Trajectory(
             joint_names=robot.joint_names,
@@ -309,6 +309,7 @@ class _Writer:
             parameter=checks.read_only(parameter),
             message="; ".join(word for word in (*words, verifier.note) if word),
             start_distance=float(away.max()),
+            sliding=robot.sliding,
         )
 
     def _needed(self, u: Array, rows: Rows) -> tuple[Array, NDArray[np.bool_]]:
@@ -385,7 +386,8 @@ def _explain_end(search: PathSearch, reached: float, q: Array, blocked: str, sol
     tight = int(np.argmin(margin))
     if margin[tight] < 0.05:  # [rad] then that is why
         return f"{where}: {robot.joint_names[tight]} runs into its limit, and no branch within the limits follows"
-    return f"{where}: a gap between branches, {abs(float(nearest[joint])):.3g} rad in {robot.joint_names[joint]}"
+    gap = f"{abs(float(nearest[joint])):.3g} {unit_of(robot, joint)} in {robot.joint_names[joint]}"
+    return f"{where}: a gap between branches, {gap}"
 
 
 THERE = 1e-3  # [m] and [rad] an arm this near to the first pose is at it

@@ -248,6 +248,7 @@ def _free_spot(arm: ArmDriver, name: str) -> Array | None:
 
 def bricks(arm: ArmDriver) -> list[str]:
     """The prefixes of what is observed of the bricks, in the order of their roles."""
+    arm.get(f"{BRICK}position", 3)  # refuses a task without bricks
     return [name.removesuffix("position") for name in arm.find("/position") if name.startswith("duplo2x4")]
 
 

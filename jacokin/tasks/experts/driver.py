@@ -85,7 +85,13 @@ class ArmDriver:
         return self.whole(name)[-size:]
 
     def whole(self, name: str) -> Array:
-        """All values of an observation whose size differs between tasks."""
+        """All values of an observation whose size differs between tasks.
+
+        Raises:
+            InvalidInputError: it is not there: this is another task than that of the script.
+        """
+        if name not in self._observation:
+            raise InvalidInputError(f"{name!r}, which this expert needs, is not observed here: it is of another task")
         return np.ravel(np.asarray(self._observation[name], dtype=np.float64))
 
     def find(self, ending: str) -> list[str]:

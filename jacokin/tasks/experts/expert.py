@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -71,13 +71,13 @@ class Disturbance:
         kept = np.exp(-CONTROL_TIMESTEP / 0.2)
         last = round(4.0 / CONTROL_TIMESTEP)  # [s], which leaves time to mend them
         mistakes = set(random_state.integers(1, last, self.mistakes).tolist())
-        noise, step, going = deviation * random_state.normal(size=len(deviation)), 0, script(arm)
+        noise, step, going = deviation * random_state.normal(size=len(deviation)), 0, _begun(script, arm)
         wrong, until = np.zeros(0), 0
         while True:
             if step in mistakes:
                 wrong, until = self._mistake(limit, random_state), step + round(0.4 / CONTROL_TIMESTEP)
             elif until and step == until:
-                going = script(arm)
+                going = _begun(script, arm)
             action = wrong if step < until else next(going, None)
             if action is None:
                 return
@@ -93,6 +93,18 @@ class Disturbance:
         opens = random_state.uniform() < 0.5
         wrong[-FINGERS:] = -MISTAKE_SPEED * limit[-FINGERS:] if opens else 0.0
         return np.asarray(wrong)
+
+
+def _begun(script: Callable[[ArmDriver], Script], arm: ArmDriver) -> Script:
+    """The actions of a script.
+
+    Raises:
+        InvalidInputError: it gives something else.
+    """
+    actions = script(arm)
+    if not isinstance(actions, Iterator):
+        raise checks.refusal("an expert", "a function of an ArmDriver that yields actions", actions)
+    return actions
 
 
 HEIGHT = 0.33  # [m] by which things are lifted
@@ -271,13 +283,18 @@ class Expert:
             observation: the features by name, with or without the leading axis of dm_control's buffers.
 
         Raises:
-            InvalidInputError: something else, or a script of your own that gives no velocities (9,), which other
-                controls than that of joint velocities need.
+            InvalidInputError: something else, or a script of your own that ends before the episode, or gives no
+                velocities (9,), which other controls than that of joint velocities need.
         """
         self._arm.observe(observation)
         if self._actions is None:
             self._actions = self._begin()
-        action = np.asarray(next(self._actions))
+        found = next(self._actions, None)
+        if found is None:
+            raise InvalidInputError(
+                "the script of this expert has ended before the episode: let it end with `yield from arm.stay(0.0)`"
+            )
+        action = np.asarray(found)
         if self.control == "joint_velocity":
             return action
         if action.shape != (SIZE,):
@@ -289,7 +306,7 @@ class Expert:
 
     def _begin(self) -> Script:
         if self.disturbance is None:
-            return self._script(self._arm)
+            return _begun(self._script, self._arm)
         random_state = np.random.default_rng((self.disturbance.seed, self._episode))
         return self.disturbance.disturbed(self._script, self._arm, random_state)
 

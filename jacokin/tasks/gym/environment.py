@@ -220,7 +220,9 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         """
         given = checks.mapping("options", {} if options is None else options, "a dict or None")
         for name in given:
-            checks.choice("option of reset", name, () if self.randomization is None else ("randomization",))
+            checks.choice("option of reset", name, ("randomization",))
+            if self.randomization is None:
+                raise InvalidInputError("option of reset 'randomization' goes with an environment that has one")
         if seed is not None:
             checks.whole_number("seed", seed)
         if self.randomization is None or not given:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import jacokin.tasks
 from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.tasks import Expert
-from jacokin.tasks.experts.driver import ArmDriver
+from jacokin.tasks.experts.driver import ArmDriver, Script
 from jacokin.tasks.experts.expert import CONTROLS, SCRIPTS
 from jacokin.tasks.gym.controls import CONTROLS as ENV_CONTROLS
 from jacokin.tasks.registry import make
@@ -211,6 +211,10 @@ def test_mistakes() -> None:
     assert set(SCRIPTS) <= {name.removesuffix("_features") for name in jacokin.tasks.names("features")}
     with pytest.raises(InvalidInputError, match=r"features by name.*got an array of shape \(42,\)$"):
         jacokin.tasks.expert("reach_site")(np.zeros(42))
+    other = jacokin.tasks.load("reach_site_features", seed=0).reset().observation
+    for name in ("lift_brick", "place_cradle", "stack_2_bricks", "reassemble_3_bricks_fixed_order"):
+        with pytest.raises(InvalidInputError, match="which this expert needs, is not observed here"):
+            jacokin.tasks.expert(name)(other)
     for noise, words in (((0.1, 0.2), "one number or 9"), (-0.1, "not negative"), (np.nan, "finite"), ("a", "noise")):
         with pytest.raises(InvalidInputError, match=words):
             jacokin.tasks.expert("lift_brick", noise=noise)
@@ -220,3 +224,23 @@ def test_mistakes() -> None:
         jacokin.tasks.expert("lift_brick", rng=3)  # type: ignore[arg-type]
     with pytest.raises(InvalidInputError, match="seed must be a whole number"):
         jacokin.tasks.expert("lift_brick").reset(seed=-1)
+
+
+@pytest.mark.usefixtures("own_tasks")
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_scripts_that_end_or_yield_nothing_are_refused(noise: float) -> None:
+    def ending(arm: ArmDriver) -> Script:
+        yield np.zeros(9)
+
+    def plain(arm: ArmDriver) -> Any:
+        return np.zeros(9)
+
+    for name, script in (("mine/Ending-v0", ending), ("mine/Plain-v0", plain)):
+        jacokin.tasks.register(jacokin.tasks.Task(success=lambda _: False), id=name, expert=script)
+    observation = jacokin.tasks.load("mine/Ending-v0", seed=0).reset().observation
+    expert = jacokin.tasks.expert("mine/Ending-v0", noise=noise)
+    expert(observation)
+    with pytest.raises(InvalidInputError, match=r"has ended before the episode: .*`yield from arm.stay\(0.0\)`"):
+        expert(observation)
+    with pytest.raises(InvalidInputError, match="an expert must be a function of an ArmDriver that yields actions"):
+        jacokin.tasks.expert("mine/Plain-v0", noise=noise)(observation)
