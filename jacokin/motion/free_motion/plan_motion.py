@@ -14,6 +14,7 @@ An arm that moves already is planned for from where it can stop; then it goes on
 
 from __future__ import annotations
 
+import math
 import time
 import weakref
 from collections import Counter
@@ -56,6 +57,7 @@ from jacokin.motion.timing import (
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
 SAME = 1e-9  # [rad] a motion that is shorter is none
+MOST_AGAIN = 1000  # samples of a search for a quicker way, if all of the time could be saved
 
 
 def plan_motion(
@@ -430,10 +432,12 @@ class _Request(NamedTuple):
         found, bound, most = Found(), np.inf, MOST_SAMPLES
         for _ in range(self.ways):
             if best is not None:
-                bound, most = 0.98 * quick, 500  # so much quicker, or none after so many samples
+                bound = 0.98 * quick  # so much quicker, or none
             goals = straight.blocked[times < bound]
             if not len(goals):
                 break
+            if best is not None:  # no way saves more than this part of the time
+                most = math.ceil(MOST_AGAIN * (1.0 - float(times.min()) / bound))
             found = search.go_around(goals, deadline, most, bound)
             if found.way is not None:
                 timed = self._timed(ends.around(found.way, found.goal, search))

@@ -34,6 +34,7 @@ from jacokin.motion.free_motion.leaving import Leaving, Nearness
 
 MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
 MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is left
+AT_ONCE = 256  # samples or shortcuts between two looks at the clock
 FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
 MODULI = np.repeat([FIRST_MODULUS, SECOND_MODULUS], 3)  # of the kernels' random numbers
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
@@ -161,14 +162,14 @@ class WaySearch:
         call.work.trees.numbers[SearchNumber.BOUND] = bound
         call.work.chosen[: len(roots)], call.work.integers[MotionInteger.ROOTS] = roots, len(roots)
         options, search = call.work.integers, call.work.trees.integers
-        options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.BEGIN_SEARCH, 256  # between two looks
+        options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.BEGIN_SEARCH, min(AT_ONCE, most_samples)
         options[MotionInteger.TRIES_IN_VAIN] = 70  # one after another
         options[MotionInteger.KEPT_FIRST] = options[MotionInteger.KEPT_LAST] = 0
         found = Found()
         while (stage := call()) != FINISHED:
             is_late = time.monotonic() >= deadline
             if stage == SHORTENING:
-                options[MotionInteger.TASK] = MotionTask.SHORTEN
+                options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.SHORTEN, AT_ONCE
                 if is_late:
                     options[MotionInteger.TRIES_IN_VAIN] = 0
                 continue
@@ -177,6 +178,7 @@ class WaySearch:
                 found.nearest = float(call.work.trees.numbers[SearchNumber.NEAREST])
                 return found
             options[MotionInteger.TASK] = MotionTask.GO_ON_SEARCH
+            options[MotionInteger.STEPS] = min(AT_ONCE, most_samples - found.samples)
             if search[SearchInteger.IS_FULL]:
                 call = self._grow()
                 search = call.work.trees.integers
@@ -271,7 +273,11 @@ class WaySearch:
             trees.parents[new] = work.trees.parents[old]
             trees.q.reshape(-1, dof)[new] = work.trees.q.reshape(-1, dof)[old]
         trees.columns.reshape(2 * dof, more)[:, :room] = work.trees.columns.reshape(2 * dof, room)
-        trees.integers[:], trees.numbers[:] = work.trees.integers, work.trees.numbers
+        trees.integers[:], trees.numbers[:], trees.around[:] = (
+            work.trees.integers,
+            work.trees.numbers,
+            work.trees.around,
+        )
         trees.integers[SearchInteger.IS_FULL] = 0
         larger = work._replace(trees=trees, way=make_way(dof, 2 * more), cuts=np.zeros(2 * more))
         self._local.call = found = Call(run_free_motion, larger, self._call())

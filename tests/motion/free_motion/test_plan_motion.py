@@ -195,13 +195,13 @@ def test_threads_share_a_solver(robot: Robot, rng: np.random.Generator) -> None:
 def test_plans_do_not_depend_on_those_before(robot: Robot, rng: np.random.Generator) -> None:
     """Nor on other scenes, clearances and limits of the same arm: what a thread keeps of a scene says nothing of it."""
     start, goal = ways_through(robot, rng)
-    narrow = jacokin.load_robot(limits={"joint_1": (start[0] - 3.0, start[0] + 3.0)})
+    narrow = jacokin.load_robot(limits={"joint_1": (start[0] - 1.5, start[0] + 1.5)})
     others = WALL.adding(*(Sphere(f"ball {k}", 0.02, [0.6, 0.1 * k, 0.7]) for k in range(-5, 6)))
     solvers = [
         IKSolver(robot, scene=WALL),
         IKSolver(narrow, scene=WALL),
         IKSolver(robot, scene=others),
-        IKSolver(robot, scene=WALL, clearance=0.01),
+        IKSolver(robot, scene=WALL, clearance=0.05),
         IKSolver(robot),
     ]
     alone = []
