@@ -5,14 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.kernels.contact.run import ContactNumber, among
 from jacokin.kernels.free_motion.run import (
     FINISHED,
@@ -28,6 +29,7 @@ from jacokin.kernels.free_motion.shortcuts import WayInteger, make_way
 from jacokin.kernels.free_motion.space import FIRST_MODULUS, SECOND_MODULUS, make_space
 from jacokin.kernels.free_motion.trees import SearchInteger, SearchNumber, make_trees
 from jacokin.kernels.library import Call, SharedCalls
+from jacokin.model import checks
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
 from jacokin.motion.free_motion.leaving import Leaving, Nearness
@@ -40,8 +42,34 @@ MODULI = np.repeat([FIRST_MODULUS, SECOND_MODULUS], 3)  # of the kernels' random
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
 
 
-#: Makes the generator of random numbers, or gives back the one that it made: many motions need none.
-Randomness: TypeAlias = Callable[[], np.random.Generator]
+class Randomness:
+    """Random numbers of one motion, made when they are first needed: many motions need none."""
+
+    __slots__ = ("_made",)
+
+    def __init__(self, given: np.random.Generator | None = None) -> None:
+        """Take a generator; None for a fixed seed."""
+        self._made = given
+
+    @property
+    def generator(self) -> np.random.Generator:
+        """The generator, each time the same."""
+        if self._made is None:
+            self._made = np.random.default_rng(DEFAULT_RANDOM_SEED)
+        return self._made
+
+    def first_numbers(self) -> NDArray[np.int64]:
+        """What the generator of the kernels begins with (6,)."""
+        return _usual_numbers() if self._made is None else _numbers(self._made)
+
+
+def _numbers(generator: np.random.Generator) -> NDArray[np.int64]:
+    return checks.sealed(generator.integers(1, MODULI))
+
+
+@cache
+def _usual_numbers() -> NDArray[np.int64]:
+    return _numbers(np.random.default_rng(DEFAULT_RANDOM_SEED))
 
 
 class CutWay(NamedTuple):
@@ -153,7 +181,7 @@ class WaySearch:
         call = self._call()
         space, rng = call.work.space, self._local.rng
         if rng is not None:  # once for all ways
-            call.work.generator[:] = rng().integers(1, MODULI)
+            call.work.generator[:] = rng.first_numbers()
             # When steps are measured, no joint counts as more than four times as fast as the slowest.
             compared = np.minimum(space.speed, 4.0 * space.speed.min())
             space.weights[:] = float(compared.sum()) / len(compared) / compared
