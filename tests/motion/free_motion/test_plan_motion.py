@@ -23,6 +23,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene, Sphere
+from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.kernels.free_motion.trees import Trees, make_trees
 from jacokin.model import SelfContact
 from jacokin.model.contact import Contact
@@ -190,6 +191,18 @@ def test_threads_share_a_solver(robot: Robot, rng: np.random.Generator) -> None:
     with ThreadPoolExecutor(4) as pool:
         for motion in pool.map(lambda _: plan_motion(solver, start, pose, time_limit=30.0), range(8)):
             np.testing.assert_array_equal(motion.q, expected.q)
+
+
+def test_no_generator_is_one_with_the_fixed_seed(robot: Robot, rng: np.random.Generator) -> None:
+    start, pose = ways_through(robot, rng)
+    arm = jacokin.load_robot(limits={"joint_1": (start[0] - 1.5, start[0] + 1.5)})  # no straight motion
+    solver = IKSolver(arm, scene=WALL)
+    expected, *others = (
+        plan_motion(solver, start, pose, rng=np.random.default_rng(DEFAULT_RANDOM_SEED + k)).q for k in range(4)
+    )
+    for _ in range(2):
+        np.testing.assert_array_equal(plan_motion(solver, start, pose).q, expected)
+    assert any(other.tobytes() != expected.tobytes() for other in others)
 
 
 def test_plans_do_not_depend_on_those_before(robot: Robot, rng: np.random.Generator) -> None:
