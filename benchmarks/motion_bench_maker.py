@@ -28,6 +28,7 @@ from benchmarks.bench_maker_peers import PLANNERS, Jacokin, Planner
 from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.motion.free_motion.plan_motion import search_of
+from jacokin.motion.free_motion.search import Randomness
 from jacokin.motion.free_motion.sections import fit_time
 from jacokin.motion.joint_motion import ACCELERATION
 
@@ -77,7 +78,7 @@ class Timer:
         self._world.build(problem)
         search = search_of(self._world.solver)
         assert search is not None
-        search.begin(problem.start, problem.goal[None], robot.velocity_limit, np.random.default_rng)
+        search.begin(problem.start, problem.goal[None], robot.velocity_limit, Randomness())
         path, cuts = search.cut_corners(path)
         certain = [search.contact.in_the_way(a, b) is None for a, b in pairwise(path)]
         for corner in range(1, len(path) - 1):

@@ -27,6 +27,7 @@ from jacokin.arrays import Array
 from jacokin.model.angles import nearest_copy
 from jacokin.model.contact import Contact
 from jacokin.motion.free_motion.plan_motion import GoalFinder, search_of
+from jacokin.motion.free_motion.search import Randomness
 from jacokin.motion.free_motion.sections import fit_time
 
 WAYS = (1, 2, 4, 16)
@@ -158,9 +159,9 @@ def ask(plan: Plan, problem: Problem, limit: float) -> Answer | None:
     solver, robot = problem.solver, problem.solver.robot
     search = search_of(solver)
     assert search is not None
-    goals, _ = GoalFinder(solver, problem.start, np.random.default_rng).find_all([problem.goal])
+    goals, _ = GoalFinder(solver, problem.start, Randomness()).find_all([problem.goal])
     ends = Ends(search.contact, [goal.q for goal in goals if not search.contact.touches(goal.q)])
-    search.begin(problem.start, np.array(ends.clear), robot.velocity_limit, np.random.default_rng)
+    search.begin(problem.start, np.array(ends.clear), robot.velocity_limit, Randomness())
     begin = time.process_time()
     found = plan(problem, ends, limit)
     taken = 1e3 * (time.process_time() - begin)

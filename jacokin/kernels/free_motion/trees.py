@@ -4,6 +4,10 @@ RRT-Connect (Kuffner and LaValle: RRT-Connect: an efficient approach to single-q
 tree takes a step towards a random configuration, and the other one goes on towards where that led. Unlimited joints
 turn the short way round, and stay in [-pi, pi] here.
 
+Most random configurations are near to one of the tree that grows, wherever that is (Hsu, Latombe and Motwani: Path
+planning in expansive configuration spaces, 1997): a tree that is shut in fills its place and finds the way out. The
+others are not far from what is between start and goals.
+
 Most motions of the trees are part of no way. So they are looked at in some places only (Bohlin and Kavraki: Path
 planning using lazy PRM, 2000), their ends first, and those on the way are certified where the trees have met. One that
 is not certain is cut off, and the search goes on.
@@ -36,7 +40,8 @@ MEETING = 1e-9  # [rad] two configurations that are nearer are one
 PATIENCE = 50  # steps in a row that lead nowhere, after which the larger tree grows, too
 NONE = -1
 BLOCK = 64  # configurations of a tree whose distances are computed side by side
-DRAWS = 32  # random configurations after which one is taken that cannot be part of a way that is quick enough
+NEAR = 2.0  # [rad] or [m] joint by joint, how far from a tree, or from what is between the ends, random ones are
+NEAR_TREE = 0.75  # part of them that are near to a tree
 #: Where a search keeps its whole numbers: sizes of the trees, random configurations, steps in a row that led nowhere,
 #: 1 when a tree lacked room, the two that met, and how many goals the second tree began with.
 SearchInteger = IntEnum(
@@ -58,6 +63,9 @@ class Trees(NamedTuple):
     end: Array  # (dof,) [rad]
     columns: Array  # (2 dof room,) the same as q, joint by joint, infinite where a configuration is cut off [rad]
     squares: Array  # (BLOCK,) how far some of them are from another one
+    around: (
+        Array  # (2 dof,) lowest and highest random configuration that is not far from what is between the ends [rad]
+    )
 
 
 def make_trees(dof: int, room: int) -> Trees:
@@ -65,7 +73,8 @@ def make_trees(dof: int, room: int) -> Trees:
     integers, numbers = np.zeros(SearchInteger.COUNT, np.int64), np.full(SearchNumber.COUNT, np.inf)
     sample, step, end = np.zeros((3, dof))
     q, columns = np.empty((2, 2 * room * dof))
-    return Trees(q, np.empty(2 * room, np.int64), integers, numbers, sample, step, end, columns, np.zeros(BLOCK))
+    parents, squares, around = np.empty(2 * room, np.int64), np.zeros(BLOCK), np.zeros(2 * dof)
+    return Trees(q, parents, integers, numbers, sample, step, end, columns, squares, around)
 
 
 def plant(
@@ -78,8 +87,16 @@ def plant(
     integers[SearchInteger.MET_FIRST], integers[SearchInteger.MET_SECOND] = NONE, NONE
     trees.numbers[SearchNumber.NEAREST], integers[SearchInteger.ROOT_COUNT] = math.inf, roots
     add(trees, space, dof, 0, start, NONE)
+    around = trees.around
+    for j in range(dof):
+        around[j], around[dof + j] = start[j] - NEAR, start[j] + NEAR
     for k in range(roots):
-        add(trees, space, dof, 1, goals[chosen[k] * dof : (chosen[k] + 1) * dof], NONE)
+        goal = goals[chosen[k] * dof : (chosen[k] + 1) * dof]
+        add(trees, space, dof, 1, goal, NONE)
+        difference(space, dof, start, goal, trees.step)
+        for j in range(dof):
+            around[j] = min(around[j], start[j] + trees.step[j] - NEAR)
+            around[dof + j] = max(around[dof + j], start[j] + trees.step[j] + NEAR)
 
 
 def node_at(trees: Trees, dof: int, tree: int, node: int) -> int:
@@ -146,10 +163,10 @@ def grow_trees(
             integers[SearchInteger.IS_FULL] = 1
             return False
         integers[SearchInteger.SAMPLES] += 1
-        draw(trees, space, dof, generator)
         small = 0 if integers[SearchInteger.FIRST_SIZE] <= integers[SearchInteger.SECOND_SIZE] else 1
         if integers[SearchInteger.MISSES] >= PATIENCE and integers[SearchInteger.SAMPLES] % 2:
             small = 1 - small
+        draw(trees, space, dof, generator, small)
         node = nearest_node(trees, space, dof, small, trees.sample)
         difference(space, dof, trees.q[node_at(trees, dof, small, node) :], trees.sample, trees.step)
         grown = grow(trees, space, dof, sight, hindrances, small, node)
@@ -178,43 +195,43 @@ def most_added(space: Space, dof: int) -> int:
     return int(math.sqrt(total) / STEP) + 2
 
 
-def draw(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64]) -> None:
-    """Fill a random configuration, between the start and one of the goals where a way is to be quick enough."""
-    q, bound = trees.sample, trees.numbers[SearchNumber.BOUND]
-    if bound == math.inf:
+def draw(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64], tree: int) -> None:
+    """Fill a random configuration towards which a tree is to grow; on a way to a goal where that is to be quick."""
+    q, around = trees.sample, trees.around
+    if trees.numbers[SearchNumber.BOUND] < math.inf:
+        draw_on_way(trees, space, dof, generator)
+    elif uniform(generator) < NEAR_TREE:
+        at = node_at(trees, dof, tree, int(uniform(generator) * trees.integers[tree]))
         for j in range(dof):
-            q[j] = space.low[j] + uniform(generator) * (space.high[j] - space.low[j])
-        return
-    roots = len(trees.parents) // 2
-    for _ in range(DRAWS):
-        goal = (roots + int(uniform(generator) * trees.integers[SearchInteger.ROOT_COUNT])) * dof
-        if draw_on_way(trees, space, dof, generator, trees.q[goal : goal + dof]):
-            return
+            q[j] = draw_between(space, j, generator, trees.q[at + j] - NEAR, trees.q[at + j] + NEAR)
+    else:
+        for j in range(dof):
+            q[j] = draw_between(space, j, generator, around[j], around[dof + j])
 
 
-def draw_on_way(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64], goal: Array) -> bool:
-    """Fill a random configuration joint by joint, until a way through it to a goal is too long; whether it is not."""
-    q, bound, before, after = trees.sample, trees.numbers[SearchNumber.BOUND], 0.0, 0.0
-    difference(space, dof, trees.q[:dof], goal, trees.step)
+def draw_between(space: Space, j: int, generator: NDArray[np.int64], low: float, high: float) -> float:
+    """A random position of a joint between two of which one at least is within its limits."""
+    if space.unlimited[j]:
+        angle = low + uniform(generator) * (high - low)
+        return angle - TURN * math.floor(angle / TURN + 0.5)
+    low, high = max(low, space.low[j]), min(high, space.high[j])
+    return low + uniform(generator) * (high - low)
+
+
+def draw_on_way(trees: Trees, space: Space, dof: int, generator: NDArray[np.int64]) -> None:
+    """Fill a random configuration on a way to one of the goals that is as quick as the search asks for.
+
+    Each joint has a part of that time to come there, and the rest of it to go on.
+    """
+    roots, bound = len(trees.parents) // 2, trees.numbers[SearchNumber.BOUND]
+    goal = (roots + int(uniform(generator) * trees.integers[SearchInteger.ROOT_COUNT])) * dof
+    difference(space, dof, trees.q[:dof], trees.q[goal : goal + dof], trees.step)
+    before = uniform(generator) * bound
     for j in range(dof):
-        # Where both parts together take a joint no longer than the bound.
-        half = 0.5 * bound * space.speed[j]
-        low, high = 0.5 * trees.step[j] - half, 0.5 * trees.step[j] + half
-        if not space.unlimited[j]:
-            low, high = max(low, space.low[j] - trees.q[j]), min(high, space.high[j] - trees.q[j])
-        elif half > math.pi:
-            low, high = -math.pi, math.pi
-        turned = low + uniform(generator) * (high - low)
-        onwards = trees.step[j] - turned
-        q[j] = trees.q[j] + turned
-        if space.unlimited[j]:
-            q[j] -= TURN * math.floor(q[j] / TURN + 0.5)
-            turned -= TURN * math.floor(turned / TURN + 0.5)
-            onwards -= TURN * math.floor(onwards / TURN + 0.5)
-        before, after = max(before, abs(turned) / space.speed[j]), max(after, abs(onwards) / space.speed[j])
-        if before + after >= bound:
-            return False
-    return True
+        start, end = trees.q[j], trees.q[j] + trees.step[j]
+        first, then = before * space.speed[j], (bound - before) * space.speed[j]
+        low, high = max(start - first, end - then), min(start + first, end + then)
+        trees.sample[j] = draw_between(space, j, generator, low, high)
 
 
 def is_worth(trees: Trees, space: Space, dof: int, q: Array) -> bool:

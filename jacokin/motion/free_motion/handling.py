@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.descriptions.bundled import JACOS
@@ -124,8 +122,7 @@ class Planner:
         limit = checks.positive("time_limit", time_limit, "s")
         # Most of it, at most, is for finding configurations at an object.
         self._end, self.look_until = self.begun + limit, self.begun + 0.6 * limit
-        seed = DEFAULT_RANDOM_SEED if rng is None else checks.generator("rng", rng)
-        self.randomness: Randomness = cache(partial(np.random.default_rng, seed))
+        self.randomness = Randomness(None if rng is None else checks.generator("rng", rng))
         self._velocity = velocity_limits(robot, velocity_limit)
         self._acceleration = acceleration_limits(robot, acceleration_limit)
 
@@ -145,7 +142,7 @@ class Planner:
             start,
             goal,
             time_limit=max(self._end - time.monotonic(), least),
-            rng=self.randomness(),
+            rng=self.randomness.generator,
             dt=self._dt,
             velocity_limit=self._velocity,
             acceleration_limit=self._acceleration,

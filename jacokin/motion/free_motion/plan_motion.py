@@ -14,6 +14,7 @@ An arm that moves already is planned for from where it can stop; then it goes on
 
 from __future__ import annotations
 
+import math
 import time
 import weakref
 from collections import Counter
@@ -27,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, ModelError
-from jacokin.ik.seeds import DEFAULT_RANDOM_SEED, checked_start, inside_exactly, random_configurations
+from jacokin.ik.seeds import checked_start, inside_exactly, random_configurations
 from jacokin.ik.solutions.curve_set import CurveSet
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
@@ -56,6 +57,7 @@ from jacokin.motion.timing import (
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
 SAME = 1e-9  # [rad] a motion that is shorter is none
+MOST_AGAIN = 1000  # samples of a search for a quicker way, if all of the time could be saved
 
 
 def plan_motion(
@@ -123,7 +125,7 @@ def plan_motion(
     robot = solver.robot
     q = robot.home if isinstance(start, MotionState) else checked_start(robot, start, "start", outside=True)
     limit = checks.positive("time_limit", time_limit, "s")
-    seed = DEFAULT_RANDOM_SEED if rng is None else checks.generator("rng", rng)
+    randomness = Randomness(None if rng is None else checks.generator("rng", rng))
     velocity = velocity_limits(robot, velocity_limit)
     acceleration, jerk = acceleration_limits(robot, acceleration_limit), jerk_limits(robot, jerk_limit)
     torque = torque_limits(robot, torque_limit)
@@ -165,14 +167,6 @@ def plan_motion(
             torque_limit=torque,
         )
         return Meanwhile(solver, meanwhile, begun + limit).plan(plan, request.start, goal, step)
-
-    drawn: list[np.random.Generator] = []
-
-    def randomness() -> np.random.Generator:
-        if not drawn:
-            drawn.append(np.random.default_rng(seed))
-        return drawn[0]
-
     return request.plan(aims, search, randomness, begun, begun + limit)
 
 
@@ -430,10 +424,12 @@ class _Request(NamedTuple):
         found, bound, most = Found(), np.inf, MOST_SAMPLES
         for _ in range(self.ways):
             if best is not None:
-                bound, most = 0.98 * quick, 500  # so much quicker, or none after so many samples
+                bound = 0.98 * quick  # so much quicker, or none
             goals = straight.blocked[times < bound]
             if not len(goals):
                 break
+            if best is not None:  # no way saves more than this part of the time
+                most = math.ceil(MOST_AGAIN * (1.0 - float(times.min()) / bound))
             found = search.go_around(goals, deadline, most, bound)
             if found.way is not None:
                 timed = self._timed(ends.around(found.way, found.goal, search))
@@ -714,11 +710,11 @@ class GoalFinder:
             for index in np.flatnonzero(verifier.reached_rows(rows)).tolist():
                 yield rows.q[index], angle[index]
         else:
-            seeds = [self._start, self._robot.home, *random_configurations(self._robot, 6, self._rng())]
+            seeds = [self._start, self._robot.home, *random_configurations(self._robot, 6, self._rng.generator)]
             for seed in seeds:
                 if self.is_late:
                     return
-                result = solver.solve(self._pose_of(wanted), seed=seed, rng=self._rng(), closest=False)
+                result = solver.solve(self._pose_of(wanted), seed=seed, rng=self._rng.generator, closest=False)
                 if verifier.reached(result.q, (result.position_error, result.orientation_error)):
                     yield result.q, result.parameter
 

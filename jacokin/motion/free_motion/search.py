@@ -5,14 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.kernels.contact.run import ContactNumber, among
 from jacokin.kernels.free_motion.run import (
     FINISHED,
@@ -28,19 +29,47 @@ from jacokin.kernels.free_motion.shortcuts import WayInteger, make_way
 from jacokin.kernels.free_motion.space import FIRST_MODULUS, SECOND_MODULUS, make_space
 from jacokin.kernels.free_motion.trees import SearchInteger, SearchNumber, make_trees
 from jacokin.kernels.library import Call, SharedCalls
+from jacokin.model import checks
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
 from jacokin.motion.free_motion.leaving import Leaving, Nearness
 
 MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
 MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is left
+AT_ONCE = 256  # samples or shortcuts between two looks at the clock
 FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
 MODULI = np.repeat([FIRST_MODULUS, SECOND_MODULUS], 3)  # of the kernels' random numbers
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
 
 
-#: Makes the generator of random numbers, or gives back the one that it made: many motions need none.
-Randomness: TypeAlias = Callable[[], np.random.Generator]
+class Randomness:
+    """Random numbers of one motion, made when they are first needed: many motions need none."""
+
+    __slots__ = ("_made",)
+
+    def __init__(self, given: np.random.Generator | None = None) -> None:
+        """Take a generator; None for a fixed seed."""
+        self._made = given
+
+    @property
+    def generator(self) -> np.random.Generator:
+        """The generator, each time the same."""
+        if self._made is None:
+            self._made = np.random.default_rng(DEFAULT_RANDOM_SEED)
+        return self._made
+
+    def first_numbers(self) -> NDArray[np.int64]:
+        """What the generator of the kernels begins with (6,)."""
+        return _usual_numbers() if self._made is None else _numbers(self._made)
+
+
+def _numbers(generator: np.random.Generator) -> NDArray[np.int64]:
+    return checks.sealed(generator.integers(1, MODULI))
+
+
+@cache
+def _usual_numbers() -> NDArray[np.int64]:
+    return _numbers(np.random.default_rng(DEFAULT_RANDOM_SEED))
 
 
 class CutWay(NamedTuple):
@@ -152,7 +181,7 @@ class WaySearch:
         call = self._call()
         space, rng = call.work.space, self._local.rng
         if rng is not None:  # once for all ways
-            call.work.generator[:] = rng().integers(1, MODULI)
+            call.work.generator[:] = rng.first_numbers()
             # When steps are measured, no joint counts as more than four times as fast as the slowest.
             compared = np.minimum(space.speed, 4.0 * space.speed.min())
             space.weights[:] = float(compared.sum()) / len(compared) / compared
@@ -161,14 +190,14 @@ class WaySearch:
         call.work.trees.numbers[SearchNumber.BOUND] = bound
         call.work.chosen[: len(roots)], call.work.integers[MotionInteger.ROOTS] = roots, len(roots)
         options, search = call.work.integers, call.work.trees.integers
-        options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.BEGIN_SEARCH, 256  # between two looks
+        options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.BEGIN_SEARCH, min(AT_ONCE, most_samples)
         options[MotionInteger.TRIES_IN_VAIN] = 70  # one after another
         options[MotionInteger.KEPT_FIRST] = options[MotionInteger.KEPT_LAST] = 0
         found = Found()
         while (stage := call()) != FINISHED:
             is_late = time.monotonic() >= deadline
             if stage == SHORTENING:
-                options[MotionInteger.TASK] = MotionTask.SHORTEN
+                options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.SHORTEN, AT_ONCE
                 if is_late:
                     options[MotionInteger.TRIES_IN_VAIN] = 0
                 continue
@@ -177,6 +206,7 @@ class WaySearch:
                 found.nearest = float(call.work.trees.numbers[SearchNumber.NEAREST])
                 return found
             options[MotionInteger.TASK] = MotionTask.GO_ON_SEARCH
+            options[MotionInteger.STEPS] = min(AT_ONCE, most_samples - found.samples)
             if search[SearchInteger.IS_FULL]:
                 call = self._grow()
                 search = call.work.trees.integers
@@ -271,7 +301,11 @@ class WaySearch:
             trees.parents[new] = work.trees.parents[old]
             trees.q.reshape(-1, dof)[new] = work.trees.q.reshape(-1, dof)[old]
         trees.columns.reshape(2 * dof, more)[:, :room] = work.trees.columns.reshape(2 * dof, room)
-        trees.integers[:], trees.numbers[:] = work.trees.integers, work.trees.numbers
+        trees.integers[:], trees.numbers[:], trees.around[:] = (
+            work.trees.integers,
+            work.trees.numbers,
+            work.trees.around,
+        )
         trees.integers[SearchInteger.IS_FULL] = 0
         larger = work._replace(trees=trees, way=make_way(dof, 2 * more), cuts=np.zeros(2 * more))
         self._local.call = found = Call(run_free_motion, larger, self._call())

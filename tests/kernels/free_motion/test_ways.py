@@ -15,7 +15,16 @@ from jacokin.kernels.free_motion import run
 from jacokin.kernels.free_motion.run import MotionWork, make_motion_work, run_free_motion
 from jacokin.kernels.free_motion.shortcuts import WayInteger
 from jacokin.kernels.free_motion.space import uniform
-from jacokin.kernels.free_motion.trees import SearchInteger, SearchNumber, cut_off, draw, is_worth, nearest_node
+from jacokin.kernels.free_motion.trees import (
+    NEAR,
+    NEAR_TREE,
+    SearchInteger,
+    SearchNumber,
+    cut_off,
+    draw,
+    is_worth,
+    nearest_node,
+)
 from jacokin.kernels.library import Call
 from jacokin.model import angles
 from jacokin.model.contact import Contact
@@ -222,13 +231,39 @@ def test_random_configurations_lie_where_a_way_is_quick_enough() -> None:
     for bound in (1.05 * direct, 1.5 * direct, 4.0 * direct):
         trees.numbers[SearchNumber.BOUND], quick, seen = bound, 0, []
         for _ in range(1000):
-            draw(trees, space, 6, work.generator)
+            draw(trees, space, 6, work.generator, 0)
             seen.append(trees.sample.copy())
             quick += is_worth(trees, space, 6, trees.sample)
             assert (space.low <= trees.sample).all()
             assert (trees.sample <= space.high).all()
-        assert quick > 900
+        assert quick == 1000
         assert (np.ptp(seen, axis=0) > 0.0).all()
+
+
+@pytest.mark.parametrize("tree", [0, 1])
+def test_random_configurations_are_near_to_the_tree_that_grows_or_to_what_is_between_the_ends(tree: int) -> None:
+    call = problem()[0]
+    call.work.space.high[:] = np.where(call.work.space.unlimited, np.pi, 50.0)  # [rad] hardly ever near, at random
+    search(call)
+    work: MotionWork = call.work
+    trees, space = work.trees, work.space
+    nodes = trees.q.reshape(2, -1, 6)[tree, : trees.integers[tree]]
+    wraps = space.unlimited == 1
+    start, goal = work.start, angles.nearest_copy(work.goals[:6], work.start, wraps)
+    low, high, near_tree, drawn = np.minimum(start, goal) - NEAR, np.maximum(start, goal) + NEAR, 0, set()
+    for _ in range(1000):
+        draw(trees, space, 6, work.generator, tree)
+        q = trees.sample
+        away = q - nodes
+        away -= 2.0 * np.pi * np.round(away / (2.0 * np.pi)) * wraps
+        on_tree = bool((np.abs(away) <= NEAR + 1e-9).all(axis=1).any())
+        turned = low + (q - low) % (2.0 * np.pi) * wraps + (q - low) * ~wraps
+        assert on_tree or ((low - 1e-9 <= turned) & (turned <= high + 1e-9)).all()
+        assert ((space.low <= q) & (q <= space.high)).all()
+        near_tree += on_tree
+        drawn.add(q.tobytes())
+    assert near_tree >= 1000 * NEAR_TREE - 60
+    assert len(drawn) == 1000
 
 
 def test_a_search_without_room_says_so() -> None:

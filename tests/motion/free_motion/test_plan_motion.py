@@ -23,6 +23,7 @@ import jacokin
 from jacokin import FreeAxis, IKSolver, Robot
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Floor, Scene, Sphere
+from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.kernels.free_motion.trees import Trees, make_trees
 from jacokin.model import SelfContact
 from jacokin.model.contact import Contact
@@ -192,16 +193,28 @@ def test_threads_share_a_solver(robot: Robot, rng: np.random.Generator) -> None:
             np.testing.assert_array_equal(motion.q, expected.q)
 
 
+def test_no_generator_is_one_with_the_fixed_seed(robot: Robot, rng: np.random.Generator) -> None:
+    start, pose = ways_through(robot, rng)
+    arm = jacokin.load_robot(limits={"joint_1": (start[0] - 1.5, start[0] + 1.5)})  # no straight motion
+    solver = IKSolver(arm, scene=WALL)
+    expected, *others = (
+        plan_motion(solver, start, pose, rng=np.random.default_rng(DEFAULT_RANDOM_SEED + k)).q for k in range(4)
+    )
+    for _ in range(2):
+        np.testing.assert_array_equal(plan_motion(solver, start, pose).q, expected)
+    assert any(other.tobytes() != expected.tobytes() for other in others)
+
+
 def test_plans_do_not_depend_on_those_before(robot: Robot, rng: np.random.Generator) -> None:
     """Nor on other scenes, clearances and limits of the same arm: what a thread keeps of a scene says nothing of it."""
     start, goal = ways_through(robot, rng)
-    narrow = jacokin.load_robot(limits={"joint_1": (start[0] - 3.0, start[0] + 3.0)})
+    narrow = jacokin.load_robot(limits={"joint_1": (start[0] - 1.5, start[0] + 1.5)})
     others = WALL.adding(*(Sphere(f"ball {k}", 0.02, [0.6, 0.1 * k, 0.7]) for k in range(-5, 6)))
     solvers = [
         IKSolver(robot, scene=WALL),
         IKSolver(narrow, scene=WALL),
         IKSolver(robot, scene=others),
-        IKSolver(robot, scene=WALL, clearance=0.01),
+        IKSolver(robot, scene=WALL, clearance=0.05),
         IKSolver(robot),
     ]
     alone = []
