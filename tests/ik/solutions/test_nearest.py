@@ -394,6 +394,32 @@ def test_a_joint_that_passes_its_limit_slowly_does_so_at_one_place(
     np.testing.assert_allclose(result.q, nearest, rtol=0.0, atol=1e-8)
 
 
+def test_in_an_incomplete_set_nothing_is_nearer_than_the_answer() -> None:
+    """Along most curves the wrist is straight but for 1e-12 rad, and tables are full before all are followed."""
+    solver = IKSolver(jacokin.load_robot("j2s6s200"), "gripsite", collision="ignore")
+    own = (
+        1.4331354973696557,
+        3.1384031884178167,
+        6.279995842005411,
+        0.1443800426698106,
+        3.1415926535890786,
+        -2.644206756523204,
+    )
+    seed = (
+        20.164951016960664,
+        3.6261589358123585,
+        3.423311810231038,
+        2.4643028078113387,
+        0.6117388502841017,
+        -4.936362276739521,
+    )
+    target = FreeAxis(solver.verifier.tool_pose(np.array(own)), axis=(1.0, 0.0, 0.0))
+    found, result = solver.solve_all(target, seed=seed), solver.solve(target, seed=seed).raise_for_status()
+    nearest = found.nearest(seed)
+    assert nearest is not None
+    assert np.linalg.norm(result.q - seed) <= np.linalg.norm(nearest - seed) + 1e-8
+
+
 def test_beside_a_seed_there_is_a_member_as_near_as_any() -> None:
     """All axes but one are parallel or meet, but for 1e-4 rad: least steps to the target lead farther away."""
     solver = IKSolver(jacokin.load_robot("j2s7s200"), collision="ignore")
