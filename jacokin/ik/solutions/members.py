@@ -16,9 +16,18 @@ from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.solutions.curve_arm import DIMENSIONS, CurveProblem
 from jacokin.ik.targets import TargetPose
 from jacokin.ik.verification import Candidate, Verifier
+from jacokin.kernels.branches import SEED_STEPS
 from jacokin.kernels.solution_set.curve import RESIDUAL, RESOLUTION
 from jacokin.kernels.solution_set.starts import STARTING_STEPS
-from jacokin.kernels.tolerances import CLOSURE, SMALLEST_PIVOT
+from jacokin.kernels.tolerances import (
+    ALONE_PIVOT,
+    CLOSURE,
+    FIRST_SEED_WEIGHT,
+    LEAST_SEED_WEIGHT,
+    SEED_STEP,
+    SEED_WEIGHT_FACTOR,
+    SMALLEST_PIVOT,
+)
 from jacokin.model import angles
 from jacokin.model.angles import TURN
 from jacokin.model.many_configurations import TargetRows
@@ -288,22 +297,28 @@ class Members:
         return parameters, rows
 
     def beside(self, q: Array, parameter: float) -> tuple[Array, float]:
-        """The member (dof,) that the least steps lead to from a configuration nearby, and its parameter [rad].
+        """The member (dof,) beside a configuration nearby, and its parameter [rad]: the nearest, or one steps lead to.
 
         Raises:
             LostMemberError: they lead to none.
         """
-        q, parameter = self._settled(q, parameter, turning=self.target.free_axis is not None)
-        return self.verified(q, parameter), parameter
+        turning = self.target.free_axis is not None
+        try:
+            x, p = self._weighted(q, parameter, turning=turning)
+            return self.verified(x, p), p
+        except LostMemberError:
+            q, parameter = self._settled(q, parameter, turning=turning)
+            return self.verified(q, parameter), parameter
 
     def is_next(self, q: Array, seed: Array, parameter: float) -> bool:
         """Whether a member (dof,) is as near to a seed (dof,), a little beside it, as any can be where none meet."""
         error, moving = self._missing(seed, parameter, turning=self.target.free_axis is not None)
         step = _least_step(moving, error)
-        left = np.abs(moving @ step - error).max()
+        left, way = np.abs(moving @ step - error).max(), np.linalg.norm(step)
         return bool(
             left <= STRAIGHT * np.abs(error).max()
             and np.linalg.norm(q - seed) <= (1.0 + STRAIGHT) * np.linalg.norm(step[: len(q)])
+            and np.linalg.eigvalsh(moving @ moving.T)[0] >= ALONE_PIVOT * way * way
         )
 
     def _settled(self, q: Array, parameter: float, *, turning: bool) -> tuple[Array, float]:
@@ -324,6 +339,34 @@ class Members:
             q = np.clip(q + step[:dof], lower, upper)
             if turning:
                 parameter = self.target.nearest_angle(parameter + float(step[dof]))
+        return self.copies(q, q), parameter
+
+    def _weighted(self, seed: Array, parameter: float, *, turning: bool) -> tuple[Array, float]:
+        """A configuration (dof,) within the limits no farther from a seed than any member, and nearly at the target.
+
+        What makes the square of what is missing and a weight times that of the way from the seed least: the smaller the
+        weight, the nearer it is to the target. Next to where curves meet, least steps to the target go farther.
+        """
+        dof, lower, upper = len(seed), self.robot.lower, self.robot.upper
+        q, weight = seed, FIRST_SEED_WEIGHT
+        while weight >= LEAST_SEED_WEIGHT:
+            held = np.zeros(dof + turning, dtype=np.bool_)
+            for _ in range(SEED_STEPS):
+                error, moving = self._missing(q, parameter, turning=turning)
+                moving[:, held] = 0.0
+                normal, right = moving.T @ moving, moving.T @ error
+                normal[np.diag_indices(dof)] += weight
+                right[:dof] += weight * (seed - q)
+                right[held] = 0.0
+                step = np.linalg.solve(normal + SMALLEST_PIVOT * np.eye(len(right)), right)
+                inside = np.clip(q + step[:dof], lower, upper)
+                held[:dof] |= inside != q + step[:dof]
+                q, moved = inside, float(np.linalg.norm(inside - q))
+                if turning:
+                    parameter = self.target.nearest_angle(parameter + float(step[dof]))
+                if moved < SEED_STEP:
+                    break
+            weight *= SEED_WEIGHT_FACTOR
         return self.copies(q, q), parameter
 
     def _missing(self, q: Array, parameter: float, *, turning: bool) -> tuple[Array, Array]:

@@ -124,6 +124,8 @@ class SetSearch:
         problem = self._arm.problem(request.target)
         found = self._findings(problem, problem.find(self._starts(members)) if known is None else known, members)
         candidates = found.candidates(request.cost, several=verifier.avoids_contact)
+        if request.cost is not None and not found.curves.complete:
+            candidates = self._with_neighbour(candidates, members, request.cost)
         in_contact = "every member that was tried is in contact; the best one"
         result = verifier.select(candidates, request, in_contact)
         if result is None and not found.curves.complete:
@@ -181,6 +183,16 @@ class SetSearch:
         except LostMemberError:
             return []
         return [members.candidate(q, p)] if np.linalg.norm(q - seed) < away else []
+
+    def _with_neighbour(self, candidates: Iterator[Candidate], members: Members, cost: Cost) -> Iterator[Candidate]:
+        """Candidates of a set that may lack some: first the member beside the seed, if it costs less than the best."""
+        wish, best = with_ties(cost, members.seed), next(candidates, None)
+        for beside in self._beside_seed(members, self._starts(members), None):
+            if best is None or wish(beside.q[np.newaxis])[0] < wish(best.q[np.newaxis])[0]:
+                yield beside
+        if best is not None:
+            yield best
+        yield from candidates
 
     def _led_to(self, found: CurveFindings, seed: Array) -> Iterator[Candidate]:
         """Members that no curve found passes: what least steps lead to from a seed, and from where it is nearest."""

@@ -12,17 +12,19 @@ from jacokin.arrays import Array
 from jacokin.kernels.branches import (
     COLUMNS,
     DISTANCE,
+    FAMILY,
     MAX_BRANCHES,
     WITHIN_LIMITS,
     BranchWork,
     PoseQuery,
     add_beside_seed,
+    copy_row,
     sort_rows,
 )
 from jacokin.kernels.chain import BASE, Frame, columns_of, deviation, forward
 from jacokin.kernels.closed_form.arm import ARM_CONSTANTS, ArmConstants, unpack_arm
 from jacokin.kernels.closed_form.pose import Work, make_work, solve_pose
-from jacokin.kernels.six_joints.continua import add_from_everywhere, keep_nearest_end
+from jacokin.kernels.six_joints.continua import ENDS, add_from_everywhere
 from jacokin.kernels.tolerances import NEAR_SEED, RIGID
 from jacokin.kernels.trigonometry import angle_of
 from jacokin.kernels.vector import cross, dot, norm
@@ -122,7 +124,7 @@ def find_branches(work: TargetWork, k: ArmConstants, query: PoseQuery, frame: Fr
     solve_pose(work.arm, k, query, work.pose)
     if work.pose.six.vanishes[0] > 0:
         add_from_everywhere(query, branches)
-    keep_nearest_end(branches)
+    keep_best_end(branches)
     if miss <= NEAR_SEED:
         add_beside_seed(query, miss, branches)
 
@@ -143,6 +145,21 @@ def is_rigid(T: Array) -> bool:
     # NaN is never smaller; the largest of numbers may hide it.
     total = p[0] + p[1] + p[2] + dot(x, x) + dot(y, y) + dot(z, z)
     return bool(misfit <= RIGID and dot(x, cross(y, z)) > 0.0 and is_exact and math.isfinite(total))
+
+
+def keep_best_end(work: BranchWork) -> None:
+    """Of the members of continua that end before the seed's angle keep the best one."""
+    rows, best, kept = work.rows, -1, 0
+    for i in range(work.filled[0]):
+        if rows[i, FAMILY] == ENDS and (best < 0 or is_better(rows[i], rows[best])):
+            best = i
+    if best < 0:
+        return
+    for i in range(work.filled[0]):
+        if i == best or rows[i, FAMILY] != ENDS:
+            copy_row(rows[i], rows[kept])
+            kept += 1
+    work.filled[0] = kept
 
 
 def choose_branch(work: BranchWork, row: Array) -> None:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import math
 
-from jacokin.arrays import Array
 from jacokin.kernels.branches import (
-    DISTANCE,
     FAMILY,
-    WITHIN_LIMITS,
     BranchWork,
     PoseQuery,
     add_branch,
@@ -134,25 +131,3 @@ def walk_to_seed(query: PoseQuery, branches: BranchWork, joint: int) -> float:
                 q[j] = begin[j]
             return ALONE if n == 0 else ENDS
     return AT_SEED
-
-
-def keep_nearest_end(branches: BranchWork) -> None:
-    """Of the members of continua that end before the seed's angle keep one: within the limits, then the nearest."""
-    rows, best, kept = branches.rows, -1, 0
-    for i in range(branches.filled[0]):
-        if rows[i, FAMILY] == ENDS and (best < 0 or is_nearer(rows[i], rows[best])):
-            best = i
-    if best < 0:
-        return
-    for i in range(branches.filled[0]):
-        if i == best or rows[i, FAMILY] != ENDS:
-            copy_row(rows[i], rows[kept])
-            kept += 1
-    branches.filled[0] = kept
-
-
-def is_nearer(a: Array, b: Array) -> bool:
-    """Whether a branch is within the limits and another is not, or is as they are, and nearer to the seed."""
-    if a[WITHIN_LIMITS] != b[WITHIN_LIMITS]:
-        return bool(a[WITHIN_LIMITS] > b[WITHIN_LIMITS])
-    return bool(a[DISTANCE] < b[DISTANCE])

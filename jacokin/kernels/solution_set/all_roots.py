@@ -23,6 +23,8 @@ ABERTH_STEPS, LAST_STEP = 40, 1e-2
 #: Share of all coefficients of F that is rounding of its value: nothing is nearer to a root. Stands for the square of
 #: such a root's last step.
 ROUNDING, SETTLED = 1e-15, 1e-300
+#: A root is below the real axis if it is so by more than this share of how far another one is above.
+SHARE_BELOW = 0.5
 #: Rows: real and imaginary parts of z; of z^n F there, its slope and bend; of its derivative by the parameter and the
 #: slope of that, and of the second one; of where the real axis is nearest, and of F there.
 X, Y, VALUE, VALUE_I, SLOPE, SLOPE_I, BEND, BEND_I, MOVES, MOVES_I, MIXED, MIXED_I, CURVES, CURVES_I = range(14)
@@ -230,6 +232,25 @@ def distance_to_next(lanes: Array, i: int, degree: int) -> float:
         a, b = lanes[X, j] - x, lanes[Y, j] - y
         nearest = min(nearest, a * a + b * b if j != i else math.inf)
     return math.sqrt(nearest)
+
+
+def until_meeting(lanes: Array, i: int, degree: int) -> tuple[float, float]:
+    """After how much a root with d > 0 may meet another that is not below the real axis, ahead and behind.
+
+    Their distance is the root of how far off that is: it would be twice as far at their speed.
+    """
+    root, ahead, behind = root_of(lanes, i), math.inf, math.inf
+    for j in range(degree):
+        other = root_of(lanes, j)
+        if j == i or other.d < -root.d * SHARE_BELOW:
+            continue
+        between, moves = root.x - other.x, root.turns - other.turns
+        square, rate = between.real**2 + between.imag**2, between.real * moves.real + between.imag * moves.imag
+        if rate < 0.0:
+            ahead = min(ahead, -0.5 * square / rate)
+        elif rate > 0.0:
+            behind = min(behind, 0.5 * square / rate)
+    return ahead, behind
 
 
 def length_of(z: complex) -> float:

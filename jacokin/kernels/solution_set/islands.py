@@ -54,6 +54,7 @@ from jacokin.kernels.solution_set.all_roots import (
     root_of,
     spread_roots,
     tell_roots,
+    until_meeting,
 )
 from jacokin.kernels.solution_set.curve import wrapped
 from jacokin.kernels.solution_set.pairs import PairWork, make_pair_work, other_angles_apart
@@ -380,7 +381,8 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
                 zero_of_parabola(value, rate, bend),
             )
             if min(comes[0], comes[1]) <= reach:
-                comes = with_others(k, six, work, p, labelling, root, comes)
+                meets = until_meeting(work.lanes, i, degree)
+                comes = with_others(k, six, work, p, labelling, root, comes, meets)
             ahead, behind = min(ahead, comes[0]), min(behind, comes[1])
             sure_ahead, sure_behind = min(sure_ahead, comes[2]), min(sure_behind, comes[3])
     if labelling < 0:
@@ -409,8 +411,11 @@ def with_others(
     labelling: int,
     root: Root,
     comes: tuple[float, float, float, float],
+    meets: tuple[float, float],
 ) -> tuple[float, float, float, float]:
     """After how much a pair becomes solutions: not before its other angles are real as well.
+
+    How fast these come there tells as long as the root meets no other one: from there on they move otherwise.
 
     Args:
         k: the arm.
@@ -420,13 +425,14 @@ def with_others(
         labelling: in which F is.
         root: one of the pair.
         comes: after how much it comes to the axis ahead and behind, and the same for sure [rad].
+        meets: after how much it may meet another root, ahead and behind [rad].
     """
     step = max(min(ASIDE, NEARER * min(comes[0], comes[1])), SHORTEST_ASIDE)
     first, second = others_apart(k, six, work, p, labelling, root.x)
     first_beside, second_beside = others_apart(k, six, work, p + step, labelling, root.x + step * root.turns)
     rate, second_rate = (first_beside - first) / step, (second_beside - second) / step
-    ahead = max(until_real(first, -rate), until_real(second, -second_rate))
-    behind = max(until_real(first, rate), until_real(second, second_rate))
+    ahead = max(until_real(first, -rate, meets[0]), until_real(second, -second_rate, meets[0]))
+    behind = max(until_real(first, rate, meets[1]), until_real(second, second_rate, meets[1]))
     return max(comes[0], ahead), max(comes[1], behind), max(comes[2], ahead), max(comes[3], behind)
 
 
@@ -452,12 +458,12 @@ def others_apart(
     return other_angles_apart(work.F.equations, z, work.pair)
 
 
-def until_real(distance: float, speed: float) -> float:
+def until_real(distance: float, speed: float, known: float) -> float:
     """After how much an angle may be real: its square comes to zero at its own speed, but not faster than any.
 
-    Speeds are known to noise only, and not how they change.
+    Speeds are known to noise only, and not how they change; and so far off nothing is known of them.
     """
-    return max(0.5 * distance / max(speed, LEAST_SPEED), distance * distance / FASTEST)
+    return max(min(0.5 * distance / max(speed, LEAST_SPEED), known), distance * distance / FASTEST)
 
 
 def first_zero(value: float, slope: float, bend: float) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton, fill_system, linearise7, make_newton, solve_normal
 from jacokin.kernels.limits import TURN
+from jacokin.kernels.six_joints.continua import spread_angle
 from jacokin.kernels.six_joints.loop import Form
 from jacokin.kernels.solution_set.curve import LARGEST_RESIDUAL, RESOLUTION, Walk, make_walk, wrapped
 from jacokin.kernels.solution_set.end_wrist import begin_end_wrist, find_wrist_folds
@@ -366,7 +367,7 @@ def find_elsewhere(work: SetWork, p: float) -> bool:
     walk, found = work.walk, False
     for n in range(BROUGHT):
         for j in range(7):
-            walk.z[j] = p if j == walk.parameter[0] else wrapped(TURN * (n + 1) * math.sqrt(2.0 + 3.0 * j))
+            walk.z[j] = p if j == walk.parameter[0] else spread_angle(n, j)
         if descend(work.newton, walk) <= LARGEST_RESIDUAL and not is_near(work.loops, walk.z, APART):
             found = True
             if add_start(work.slices, walk.z):

@@ -28,6 +28,7 @@ from jacokin.kernels.solution_set.curve import (
     cubic,
     cubic_root,
     go_on,
+    point_across,
     point_at,
     point_where_still,
     still_shares,
@@ -94,6 +95,26 @@ def is_traced(loops: Loops, x: Array) -> bool:
         for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
             if lies_between(x, loops.nodes[n], loops.nodes[n + 1], -BESIDE):
                 return True
+    return False
+
+
+def is_known(loops: Loops, x: Array, walk: Walk) -> bool:
+    """Whether a point lies on a curve that is known, as exactly as curves are told apart."""
+    for c in range(loops.size[1]):
+        for n in range(loops.ends[c, 0], loops.ends[c, 1] - 1):
+            a, b = loops.nodes[n], loops.nodes[n + 1]
+            if not lies_between(x, a, b, -BESIDE):
+                continue
+            square, along = 0.0, 0.0
+            for j in range(7):
+                along += wrapped(x[j] - a[j]) * (b[j] - a[j])
+                square += (b[j] - a[j]) * (b[j] - a[j])
+            if point_across(a, b, along / square, walk):
+                away = 0.0
+                for j in range(7):
+                    away = max(away, abs(wrapped(x[j] - walk.z[j])))
+                if away <= RESOLUTION:
+                    return True
     return False
 
 
@@ -222,6 +243,10 @@ def run(point: tuple[int, int], slices: Slices, loops: Loops, walk: Walk) -> Cur
             state = how_far(loops, walk.y[parameter])
         steps += 1
         if steps >= ENDLESS and steps & (steps - 1) == 0:
+            if state == CurveEnd.LOST and is_known(loops, walk.y, walk):  # it began aside of that curve
+                loops.size[0] = first
+                loops.size[3] += 1
+                return CurveEnd.CLOSED
             reference = int(loops.size[0]) - 1
         go_on(walk)
         h = min(1.5 * h, LONGEST_STEP)

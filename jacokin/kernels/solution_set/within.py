@@ -12,9 +12,12 @@ from jacokin.arrays import Array
 from jacokin.kernels.limits import TURN, nearest_copy
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
+    LARGEST_RESIDUAL,
+    LONGEST_STEP,
     MOST_HALVED,
     PARTS,
     RESOLUTION,
+    STATIONARY,
     Walk,
     chord_length,
     cubic,
@@ -23,6 +26,7 @@ from jacokin.kernels.solution_set.curve import (
     point_at,
     point_where_still,
     still_shares,
+    to_curve,
     wrapped,
 )
 from jacokin.kernels.solution_set.trace import CurveEnd, Loops
@@ -36,9 +40,11 @@ FOLD, CIRCLE, LOST = -1, -2, -3
 ROUNDING = 1e-12
 #: [rad] a place where a limit is passed is nearer to it.
 AT_LIMIT = 10.0 * LIMIT_SNAP
-#: Share of the square of a chord by which the cubic through its ends may be off, or of the chord and so many times what
-#: an angle moves along it, where that is less.
-DOUBT, MOVES = 3e-3, 10.0
+#: [rad] what is missing of a pose moves joints by less; as near to its limit one may stand there.
+NEAR_LIMIT = 1e-4
+#: Share of the square of a chord by which the cubic through its ends may be off, or of what an angle moves along it,
+#: where that is less: one that goes as the fourth power of the way is off by a sixteenth.
+DOUBT, MOVES = 3e-3, 0.1
 #: Places where limits are passed on one part of a chord: each limit at one.
 EVENTS = 14
 
@@ -104,6 +110,7 @@ def cut_loop(c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
     """Append the pieces of one curve, from a node on where none is open: a fold, or a point outside the limits."""
     first, end = loops.ends[c, 0], loops.ends[c, 1]
     size, parameter = pieces.size, walk.parameter[0]
+    settle_nodes(c, loops, pieces.limits, walk)
     size[2] += 1
     if end == first + 1:
         open_if_inside(loops.nodes[first], FOLD, c, pieces)
@@ -133,6 +140,28 @@ def cut_loop(c: int, loops: Loops, pieces: Pieces, walk: Walk) -> None:
         close_piece(pieces, parameter, outer)
         if whole and size[1] > before + 1:
             join_round(loops.nodes[first], loops.nodes[end - 1], before, pieces)
+
+
+def settle_nodes(c: int, loops: Loops, limits: Array, walk: Walk) -> None:
+    """Bring the nodes of a curve that are near a limit to it as rounding allows.
+
+    Near a singularity a little that is missing of the pose moves joints by more than what limits are known to.
+    """
+    first, end = loops.ends[c, 0], loops.ends[c, 1]
+    for n in range(first, end):
+        node, offset = loops.nodes[n], 0.0
+        if abs(excess(node, limits)) > NEAR_LIMIT:
+            continue
+        for j in range(7):
+            walk.z[j], walk.border[j] = node[j], node[7 + j]
+            offset += node[j] * node[7 + j]
+        residual, _ = to_curve(walk.border, offset, STATIONARY, walk.z, walk.tz, walk)
+        moved = 0.0
+        for j in range(7):
+            moved = max(moved, abs(walk.z[j] - node[j]))
+        if residual <= LARGEST_RESIDUAL and moved <= NEAR_LIMIT:
+            for j in range(7):
+                node[j] = walk.z[j]
 
 
 def first_node(c: int, loops: Loops, pieces: Pieces) -> tuple[int, bool, bool]:
@@ -222,12 +251,16 @@ def is_doubtful(a: Array, b: Array, length: float, limits: Array) -> bool:
         if not limits[0, j] > -math.inf:
             continue
         moves = (abs(a[7 + j]) + abs(b[7 + j])) * length + abs(b[j] - a[j])
-        slack = DOUBT * length * min(length, MOVES * moves)
+        slack = min(DOUBT * length * length, MOVES * moves)
         for u in still_shares(a, b, length, j):
             for side in range(2 if u > 0.0 else 0):
                 level = passed_at(limits, 2 * j + side, a[j], b[j])
                 value = cubic(a, b, length, u, j) - level
                 if abs(value) < slack > LIMIT_SNAP or value * (a[j] - level) < 0.0 or value * (b[j] - level) < 0.0:
+                    return True
+        for end in (a, b):  # next to where an angle stands still, the cubic may not
+            for side in range(2 if abs(end[7 + j]) * length < slack > LIMIT_SNAP else 0):
+                if abs(end[j] - passed_at(limits, 2 * j + side, a[j], b[j])) < slack:
                     return True
     return False
 
@@ -244,6 +277,8 @@ def cut_part(a: Array, b: Array, pieces: Pieces, walk: Walk, c: int) -> None:
         if pieces.size[4] > 0 and not inside:
             if i > 0:
                 put_on_limit(pieces, events[i - 1])
+            elif has_only_begun(pieces) and excess(here, pieces.limits) > ROUNDING:
+                leave_out(pieces)
             close_piece(pieces, parameter, code)
         elif pieces.size[4] == 0 and inside:
             open_piece(pieces, here, code, c)
@@ -309,12 +344,25 @@ def touches(a: Array, b: Array, length: float, j: int, level: float) -> bool:
 def inside_between(here: Array, there: Array, limits: Array) -> bool:
     """Whether the middle between two nodes is within the limits, by the cubic through both, and so are the nodes.
 
-    One of these is not where a limit is passed at a place that was not found.
+    One of these is not where a limit is passed at a place that was not found. An angle that is past its limit by what
+    counts as within is outside all the same where it moves on: so much later it would not count.
     """
     length, most = chord_length(here, there), max(excess(here, limits), excess(there, limits)) - AT_LIMIT
     for j in range(7):
-        most = max(most, past(cubic(here, there, length, 0.5, j), j, limits))
+        over = past(cubic(here, there, length, 0.5, j), j, limits)
+        moves_on = abs(there[j] - here[j]) * LONGEST_STEP > LIMIT_SNAP * length
+        most = max(most, math.inf if over > ROUNDING and moves_on else over)
     return most <= LIMIT_SNAP
+
+
+def has_only_begun(pieces: Pieces) -> bool:
+    """Whether the open piece is a single point so far."""
+    return bool(pieces.size[0] == pieces.ends[pieces.size[1], 0] + 1)
+
+
+def leave_out(pieces: Pieces) -> None:
+    """Take the open piece back."""
+    pieces.size[0], pieces.size[4] = pieces.ends[pieces.size[1], 0], 0
 
 
 def add_row(pieces: Pieces, node: Array) -> None:

@@ -97,6 +97,16 @@ def test_a_joint_that_comes_to_its_limit_and_hardly_moves_there_is_within_it() -
     np.testing.assert_allclose(nearest, q, atol=1e-6)
 
 
+@pytest.mark.parametrize("q", [(2.923, 4.108, 1.533, 0.283, 0.0, -2.816), (-2.603, 1.92, 4.835, 0.516, 0.0, -0.42)])
+def test_a_curve_that_circles_of_a_nearly_straight_wrist_lead_to_is_not_there_again(q: tuple[float, ...]) -> None:
+    """Axes 4 and 6 are on one line but for 1e-10 rad: where it crosses a circle, a walk goes on along a curve."""
+    solver = IKSolver(jacokin.load_robot("j2s6s300"), collision="ignore")
+    target = FreeAxis(
+        solver.robot.forward_kinematics(np.add(q, [0, 0, 0, 0, math.pi - 1e-10, 0])), axis=(1.0, 0.0, 0.0)
+    )
+    assert solver.solve_all(target).branches <= 16
+
+
 def test_the_only_curve_may_lie_between_two_slices(rng: np.random.Generator) -> None:
     robot = jacokin.load_robot("j2s6s300")
     solver = IKSolver(robot, collision="ignore")

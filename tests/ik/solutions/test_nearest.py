@@ -333,3 +333,98 @@ def test_a_member_is_nearest_where_two_joints_touch_their_limits_at_once() -> No
     way = np.array([0.0, 0.0, -0.714195191651168, -2.703632261842337, 8.641592339660997, 0.0, 3.013563656887319]) * 1e-4
     result = solver.solve(solver.verifier.tool_pose(own), seed=own + way).raise_for_status()
     assert np.linalg.norm(result.q - own - way) <= np.linalg.norm(way) + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("frame", "own", "seed"),
+    [
+        (
+            "gripsite",
+            (
+                2.954200985045018,
+                1.9949533416138925,
+                4.7123893732963005,
+                0.5235987755982988,
+                math.pi,
+                4.692877008375193,
+                -1.5047683424122549,
+            ),
+            (
+                3.3744655885833126,
+                2.1222939030507986,
+                5.202810257460731,
+                1.525822196265659,
+                -2.3497055627582895,
+                4.017856998964151,
+                12.850890167503144,
+            ),
+        ),
+        (
+            "end_effector",
+            (
+                -1.541688490989617,
+                0.9471728459055728,
+                1.5707894815583943,
+                5.759586531581287,
+                -8.206431761219671e-08,
+                2.61372125534725,
+                -1.4777108023111827,
+            ),
+            (
+                -14.241245529927781,
+                3.377528934099191,
+                -7.958239447457532,
+                2.1300350894382944,
+                3.793734922992655,
+                3.7026379800144684,
+                -16.09499245774625,
+            ),
+        ),
+    ],
+)
+def test_a_joint_that_passes_its_limit_slowly_does_so_at_one_place(
+    frame: str, own: Sequence[float], seed: Sequence[float]
+) -> None:
+    """Joint 4 moves by 1e-4 of joint 3: 1e-5 rad beyond the nearest member it is past its limit by a snap."""
+    solver = IKSolver(jacokin.load_robot("j2s7s300"), frame, collision="ignore")
+    target = solver.verifier.tool_pose(np.array(own))
+    found, result = solver.solve_all(target, seed=seed), solver.solve(target, seed=seed).raise_for_status()
+    nearest = found.nearest(seed)
+    assert nearest is not None
+    np.testing.assert_allclose(result.q, nearest, rtol=0.0, atol=1e-8)
+
+
+def test_in_an_incomplete_set_nothing_is_nearer_than_the_answer() -> None:
+    """Along most curves the wrist is straight but for 1e-12 rad, and tables are full before all are followed."""
+    solver = IKSolver(jacokin.load_robot("j2s6s200"), "gripsite", collision="ignore")
+    own = (
+        1.4331354973696557,
+        3.1384031884178167,
+        6.279995842005411,
+        0.1443800426698106,
+        3.1415926535890786,
+        -2.644206756523204,
+    )
+    seed = (
+        20.164951016960664,
+        3.6261589358123585,
+        3.423311810231038,
+        2.4643028078113387,
+        0.6117388502841017,
+        -4.936362276739521,
+    )
+    target = FreeAxis(solver.verifier.tool_pose(np.array(own)), axis=(1.0, 0.0, 0.0))
+    found, result = solver.solve_all(target, seed=seed), solver.solve(target, seed=seed).raise_for_status()
+    nearest = found.nearest(seed)
+    assert nearest is not None
+    assert np.linalg.norm(result.q - seed) <= np.linalg.norm(nearest - seed) + 1e-8
+
+
+def test_beside_a_seed_there_is_a_member_as_near_as_any() -> None:
+    """All axes but one are parallel or meet, but for 1e-4 rad: least steps to the target lead farther away."""
+    solver = IKSolver(jacokin.load_robot("j2s7s200"), collision="ignore")
+    own = np.array([5.58e-5, math.pi - 3.1e-6, 7.07e-5, math.pi - 3.31e-5, -6.15e-5, math.pi + 3.13e-5, 1.57086587])
+    way = np.array([6.1789839e-4, -1.83006e-4, 7.060903e-5, 1.6293752e-4, 2.150068e-4, -4.951749e-4, -5.116131e-4])
+    seed = own + way
+    result = solver.solve(solver.verifier.tool_pose(own), seed=seed).raise_for_status()
+    assert np.linalg.norm(result.q - seed) <= np.linalg.norm(way) + 1e-4

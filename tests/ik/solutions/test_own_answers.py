@@ -289,6 +289,13 @@ def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -
         (71001, 11),  # no joint has limits
         (71001, 225),  # others
         (71001, 228),
+        (79, 53),  # a curve within 3e-5 rad of the angle, beside which four roots all but meet
+        (95, 399),  # one within 3e-4, beside which complex solutions meet
+        (91, 28),  # a joint touches its limit, and is 2e-7 rad past it on both sides
+        (91, 672),  # two joints stand on their limits all round, near a singularity
+        (96, 50),  # one does, nearer to one
+        (90, 275),  # next to where curves meet, the nearest member is on a limit
+        (96, 578),  # the seed has more margin than what is found of an incomplete set
     ],
 )
 def test_sets_of_arms_with_special_structures_hold_what_they_are_made_from(

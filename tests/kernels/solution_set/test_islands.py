@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from jacokin.arrays import Array
-from jacokin.kernels.solution_set.all_roots import find_all_roots, make_lanes, spread_roots
+from jacokin.kernels.solution_set.all_roots import (
+    find_all_roots,
+    make_lanes,
+    root_of,
+    spread_roots,
+    tell_roots,
+    until_meeting,
+)
 from jacokin.kernels.solution_set.surface import make_surface
 
 DEGREE = 16
@@ -40,3 +47,23 @@ def test_two_roots_that_all_but_meet_are_both_found(rng: np.random.Generator, ap
             continue
         near = np.sort(np.abs(found[:, None] - roots[-2:]).min(axis=1))[:2]  # both of the two
         assert near.max() < 0.01 * apart + 1e-5  # to the root of rounding in the coefficients
+
+
+@pytest.mark.parametrize("away", [1e-3, -1e-3, 1e-5])
+def test_when_roots_meet_is_told_from_where_they_are(away: float) -> None:
+    """Two roots 0.5 +- sqrt(away - p), and others that stand still: the two meet after that much, or before it."""
+    powers, z, lanes = make_surface().powers, np.empty((DEGREE, 2)), make_lanes()
+    others = np.exp(1j * np.linspace(1.0, 5.0, DEGREE - 2) + 0.3)
+    rest = np.poly(others)
+    value = np.polymul(np.poly([0.5, 0.5]) - [0.0, 0.0, away], rest)[::-1]
+    rate = np.append(rest[::-1], [0.0, 0.0])
+    for row, coefficients in zip(powers, (value, rate, 0.0 * rate), strict=True):
+        row[:, 0], row[:, 1] = coefficients.real, coefficients.imag
+    spread_roots(z)
+    find_all_roots(powers[0], DEGREE, z, lanes)
+    tell_roots(powers, DEGREE, z, lanes)
+    nearest = [i for i in range(DEGREE) if abs(root_of(lanes, i).x - 0.5) < 0.1]
+    assert len(nearest) == 2
+    for i in nearest:
+        ahead, behind = until_meeting(lanes, i, DEGREE)
+        assert (ahead if away > 0.0 else -behind) == pytest.approx(away, rel=1e-3)
