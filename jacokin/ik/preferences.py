@@ -63,8 +63,16 @@ def cost_of(prefer: Prefer, robot: Robot, frame: str) -> Cost | None:
     if checks.choice("prefer", prefer, PREFERENCES) == "margin":
         return by_margin(robot)
     if prefer == "manipulability":
-        return Cost(lambda rows: -np.prod(robot.singular_values(rows, frame), axis=1), Copies.NEAREST)
+        return Cost(lambda rows: -_manipulabilities(robot, rows, frame), Copies.NEAREST)
     return None
+
+
+def _manipulabilities(robot: Robot, rows: Array, frame: str) -> Array:
+    """Yoshikawa's measure (m,) of rows (m, dof), by determinants: to 1e-8 where it vanishes."""
+    J = robot.jacobian(rows, frame)
+    transposed = J.swapaxes(1, 2)
+    squares = np.linalg.det(J @ transposed if robot.dof >= J.shape[1] else transposed @ J)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
 def with_ties(cost: Cost | None, seed: Array) -> Cost:

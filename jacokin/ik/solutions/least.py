@@ -6,6 +6,8 @@ seed. Where another copy comes into the limits between two guesses and leaves th
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.preferences import Cost, copies_to_try
-from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members
+from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members, guesses
 from jacokin.model.angles import TURN
 
 #: Steps towards a minimum at most.
@@ -25,38 +27,42 @@ ACCURACY = 1e-9
 #: [rad] or share of a chord at which a cost ceases to be finite.
 EDGE = 1e-12
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+#: Times as near to each other as guesses are places next to the least ones that are looked at by the same cubics, and
+#: [rad] how inexact those are.
+CLOSER, INEXACT = 8, 2e-4
+
+
+class Basin(NamedTuple):
+    """A place where a minimum may be."""
+
+    track: CurveTrack
+    coordinates: Array
+    """(m,) of places along the track."""
+    guess: int
+    """Which one is the least near by."""
+    turns: Array | float
+    """(dof,) by which the angles differ from those of the track."""
+    value: float
+    """The cost there."""
+    change: float
+    """By how much it changes to the next places at most; infinite where nothing tells."""
 
 
 def least_member(members: Members, tracks: Sequence[CurveTrack], cost: Cost, seed: Array) -> tuple[Array, float]:
-    """The member (dof,) of the least cost on one or more tracks, and its parameter [rad].
+    """The member (dof,) of the least cost on one or more tracks, and its parameter [rad]."""
+    looks, (coordinates, rows, begins) = list[Basin](), guesses(tracks)
+    for copies in copies_to_try(cost.copies, rows, seed, members.robot):
+        turns = np.round((copies - rows) / TURN)
+        looks += basins(tracks, coordinates, begins, turns, _cost_or_inf(cost, copies))
 
-    Guesses all along tell where minima may be; a minimum is looked at unless the change from guess to guess leaves no
-    doubt that it is worse than the best one found.
-    """
-    looks: list[_Basin] = []
-    for track in tracks:
-        coordinates, rows = track.guesses()
-        for copies in copies_to_try(cost.copies, rows, seed, members.robot):
-            looks += _places_to_look(track, coordinates, rows, copies, cost)
+    def on_limits(place: Basin, rows: Array, snap: float | None = None) -> Array:
+        return members.on_limits(rows + TURN * place.turns, snap)
 
-    def look(place: _Basin) -> tuple[float, float]:
-        def exact(coordinate: float) -> Array:
-            return members.on_limits(place.track.configuration(coordinate) + TURN * place.turns)
-
-        return refine(lambda rows: _cost_or_inf(cost, rows), place.coordinates, place.guess, exact)
-
-    lowest, minimums = math.inf, []
-    for place in sorted(looks, key=lambda place: place.bound):
-        if place.bound >= lowest:
-            break
-        value, coordinate = look(place)
-        minimums.append((value, coordinate, place))
-        lowest = min(lowest, value)
-    minimums.sort(key=lambda minimum: minimum[0])
+    minimums = least_costs(looks, lambda rows: _cost_or_inf(cost, rows), on_limits)
     for _, coordinate, place in minimums:
         p, q = place.track.point(coordinate)
         try:
-            return members.verified(members.on_limits(q + TURN * place.turns), p), p
+            return members.verified(on_limits(place, q), p), p
         except LostMemberError:
             continue  # the next best one
     _, coordinate, place = minimums[0]  # a track has a minimum
@@ -64,44 +70,105 @@ def least_member(members: Members, tracks: Sequence[CurveTrack], cost: Cost, see
     return members.on_track(place.track, p, q, seed), p
 
 
-class _Basin(NamedTuple):
-    """A place where a minimum may be."""
+def least_costs(
+    looks: Sequence[Basin],
+    cost: Callable[[Array], Array],
+    within: Callable[[Basin, Array, float | None], Array],
+    floor: float = -math.inf,
+) -> list[tuple[float, float, Basin]]:
+    """The least cost, its coordinate and place, and those of others that were looked at, in order.
 
-    bound: float
-    """What leaves no doubt to be less than the cost near by."""
-    track: CurveTrack
-    guess: int
-    """Which one is the least near by."""
-    coordinates: Array
-    """(m,) of all guesses along the track."""
-    turns: Array
-    """(dof,) by which the angles differ from those of the track."""
+    A place is looked at closer, and a minimum exactly, unless the change from place to place leaves no doubt that it is
+    worse than the best one.
 
-
-def _places_to_look(track: CurveTrack, coordinates: Array, rows: Array, copies: Array, cost: Cost) -> list[_Basin]:
-    """Local minima among the guesses (m, dof) of a track in some copies, NaN where those are outside the limits.
-
-    Where joints go on in other copies, the cost may jump: such runs are looked at one by one.
+    Args:
+        looks: where minima may be.
+        cost: (m,) of rows (m, dof).
+        within: what a cost is asked of at rows (..., dof) of a track, known to within so much [rad], None for exactly.
+        floor: no cost is less.
     """
-    turns = np.round((copies - rows) / TURN)
-    values = _cost_or_inf(cost, copies)
+
+    def bound(place: Basin) -> float:
+        return max(place.value - place.change, floor)
+
+    likely, closer = math.inf, list[Basin]()
+    for place in sorted(looks, key=bound):
+        if bound(place) >= likely:
+            break
+        some = _look_closer(place, cost, within)
+        closer += some
+        likely = min(likely, *(each.value + each.change for each in some))
+    lowest, found = math.inf, list[tuple[float, float, Basin]]()
+    for place in sorted(closer, key=bound):
+        if bound(place) >= lowest:
+            break
+        at = functools.partial(_exact, place, cost, within)
+        value, coordinate = refine(at, place.coordinates, place.guess)
+        found.append((value, coordinate, place))
+        lowest = min(lowest, value)
+    return sorted(found, key=lambda minimum: minimum[0])
+
+
+def _exact(
+    place: Basin, cost: Callable[[Array], Array], within: Callable[[Basin, Array, float | None], Array], at: float
+) -> float:
+    """The cost exactly at a coordinate."""
+    return float(cost(within(place, place.track.configuration(at), None)[np.newaxis])[0])
+
+
+def _look_closer(
+    place: Basin, cost: Callable[[Array], Array], within: Callable[[Basin, Array, float | None], Array]
+) -> list[Basin]:
+    """Where minima may be, seen from places nearer to each other around the least one."""
+    n, known = place.guess, place.coordinates
+    first, last = max(n - 1, 0), min(n + 1, len(known) - 1)
+    sides = [np.linspace(known[a], known[b], CLOSER + 1)[:-1] for a, b in ((first, n), (n, last)) if a < b]
+    closer = np.concatenate([*sides, known[[last]]])
+    rows = within(place, place.track.configurations(closer), INEXACT)
+    turns = np.broadcast_to(place.turns, rows.shape)
+    some = basins([place.track], closer, np.array([0, len(closer)]), turns, cost(rows))
+    coordinates = np.concatenate([known[:first], closer, known[last + 1 :]])
+    inexact = INEXACT / GUESS_SPACING * place.change if math.isfinite(place.change) else 0.0
+    return [
+        each._replace(
+            coordinates=coordinates,
+            guess=first + each.guess,
+            change=each.change + inexact if 0 < each.guess < len(closer) - 1 else max(each.change, place.change),
+        )
+        for each in some
+    ] or [place]
+
+
+def basins(
+    tracks: Sequence[CurveTrack], coordinates: Array, begins: NDArray[np.intp], turns: Array, values: Array
+) -> list[Basin]:
+    """Local minima among costs (m,), infinite or with turns of NaN outside the limits, of places as of `guesses`.
+
+    Where joints go on in other copies, by other turns (m, dof), the cost may jump: such runs are looked at one by one.
+    """
     apart = (turns[1:] != turns[:-1]).any(axis=1)  # NaN too
+    apart[begins[1:-1] - 1] = True
     inner = np.where(apart, np.inf, values[:-1]), np.where(apart, np.inf, values[1:])
     left, right = np.concatenate([[np.inf], inner[0]]), np.concatenate([inner[1], [np.inf]])
     chosen = np.flatnonzero(np.isfinite(values) & (values <= left) & (values <= right))
     value, left, right = values[chosen], left[chosen], right[chosen]
     change = np.maximum(np.where(np.isfinite(left), left, value), np.where(np.isfinite(right), right, value)) - value
-    alone = np.isinf(left) & np.isinf(right)  # nothing says how the cost changes
-    bounds = np.where(alone, -np.inf, value - change)
+    change[np.isinf(left) & np.isinf(right)] = np.inf  # nothing says how the cost changes
+    along = [coordinates[first:end] for first, end in itertools.pairwise(begins.tolist())]
+    number = np.searchsorted(begins, chosen, side="right") - 1
+    index, columns = chosen - begins[number], (number, value, change, chosen)
     return [
-        _Basin(float(bound), track, int(index), coordinates, turns[index])
-        for bound, index in zip(bounds, chosen, strict=True)
+        Basin(tracks[k], along[k], at, turns[row], cost, by)
+        for at, k, cost, by, row in zip(index.tolist(), *(column.tolist() for column in columns), strict=True)
     ]
 
 
 def _cost_or_inf(cost: Cost, rows: Array) -> Array:
     """Costs (m,) of rows (m, dof); infinite where rows are NaN."""
-    values, there = np.full(len(rows), np.inf), ~np.isnan(rows).any(axis=1)
+    missing = np.isnan(rows).any(axis=1)
+    if not missing.any():
+        return cost(rows)
+    values, there = np.full(len(rows), np.inf), ~missing
     if there.any():
         values[there] = cost(rows[there])
     return values
@@ -114,17 +181,11 @@ def minima(values: Array) -> NDArray[np.int64]:
     return local[np.argsort(values[local], kind="stable")]
 
 
-def refine(
-    cost: Callable[[Array], Array], coordinates: Array, index: int, exact: Callable[[float], Array]
-) -> tuple[float, float]:
-    """The least cost next to a guess, and its coordinate: between the neighbours, or on from the one where it is less.
+def refine(at: Callable[[float], float], coordinates: Array, index: int) -> tuple[float, float]:
+    """The least cost next to a place, and its coordinate: between the neighbours, or on from the one where it is less.
 
     The cost is infinite from where a joint passes its limit on: there the least may be just this side of it.
     """
-
-    def at(coordinate: float) -> float:
-        return float(cost(exact(coordinate)[np.newaxis])[0])
-
     known = (at(float(coordinates[index])), float(coordinates[index]))
     while True:
         places = [max(index - 1, 0), min(index + 1, len(coordinates) - 1)]

@@ -80,17 +80,12 @@ class CurveTrack:
         low, high = min(self.start, parameters.min()), max(self.stop, parameters.max())
         return float(np.clip(p, low, high)), np.clip(self._joints(x), lower, upper)
 
-    def guesses(self) -> tuple[Array, Array]:
-        """Coordinates (m,) in order, and configurations there (m, dof) to about 1e-4 rad; ends and nodes exactly."""
-        places, points = _spread([self])
-        return places, self._joints(points)
-
     def configurations(self, coordinates: Array) -> Array:
-        """(m, dof) at coordinates (m,), as exact as those of `guesses`."""
+        """(m, dof) at coordinates (m,), as exact as `guesses`."""
         return self._joints(_points_at(self.nodes, coordinates))
 
     def polyline(self) -> tuple[Array, Array]:
-        """Values of the parameter (m,) in order, and configurations there (m, dof), as exact as those of `guesses`."""
+        """Values of the parameter (m,) in order, and configurations there (m, dof), as exact as `guesses`."""
         return polylines([self])[:2]
 
     def point(self, coordinate: float) -> tuple[float, Array]:
@@ -114,16 +109,24 @@ class CurveTrack:
 def polylines(tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING) -> tuple[Array, Array, NDArray[np.intp]]:
     """Values of the parameter (m,) and configurations there (m, dof) along tracks, one after another, in order.
 
-    At most a spacing apart [rad], as exact as those of `CurveTrack.guesses`. And where each begins, with the end of the
-    last (tracks + 1,).
+    At most a spacing apart [rad], as exact as `guesses`. And where each begins, with the end of the last (tracks + 1,).
     """
-    places, points = _spread(tracks, spacing)
-    ends = np.cumsum([len(track.nodes) for track in tracks])
-    begins, arm = np.append(0, np.searchsorted(places, ends)), tracks[0]._problem.arm
+    _, points, begins = _spread(tracks, spacing)
+    arm = tracks[0]._problem.arm
     p = points[:, arm.parameter].copy()
     for track, start, end in zip(tracks, begins[:-1].tolist(), begins[1:].tolist(), strict=True):
         p[start:end] = np.clip(np.maximum.accumulate(p[start:end]) + track._turns, track.start, track.stop)
     return p, points[:, : arm.dof], begins
+
+
+def guesses(tracks: Sequence[CurveTrack]) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Coordinates (m,) along tracks, one after another, each in order, and configurations there (m, dof).
+
+    To about 1e-4 rad; ends and nodes exactly. And where each begins, with the end of the last (tracks + 1,).
+    """
+    places, points, begins = _spread(tracks)
+    lengths = [len(track.nodes) for track in tracks]
+    return places - np.repeat(np.cumsum(lengths) - lengths, np.diff(begins)), tracks[0]._joints(points), begins
 
 
 def places_along(lengths: Array, spacing: float) -> Array:
@@ -136,13 +139,16 @@ def places_along(lengths: Array, spacing: float) -> Array:
     return np.asarray(chord + (np.arange(len(chord)) - (np.cumsum(counts) - counts)[chord]) / counts[chord])
 
 
-def _spread(tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING) -> tuple[Array, Array]:
-    """Places (m,) along the nodes of all tracks, and points there (m, 7), by the cubics between the nodes."""
-    nodes = np.concatenate([track.nodes for track in tracks])
+def _spread(tracks: Sequence[CurveTrack], spacing: float = GUESS_SPACING) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Places (m,) along the nodes of all tracks, and points there (m, 7), by the cubics between the nodes.
+
+    And where each track begins, with the end of the last (tracks + 1,).
+    """
+    nodes, ends = np.concatenate([track.nodes for track in tracks]), np.cumsum([len(track.nodes) for track in tracks])
     lengths = np.linalg.norm(np.diff(nodes[:, :DIMENSIONS], axis=0, append=nodes[-1:, :DIMENSIONS]), axis=1)
-    lengths[np.cumsum([len(track.nodes) for track in tracks]) - 1] = 0.0  # no chord begins there
+    lengths[ends - 1] = 0.0  # no chord begins there
     places = places_along(lengths, spacing)
-    return places, _points_at(nodes, places)
+    return places, _points_at(nodes, places), np.append(0, np.searchsorted(places, ends))
 
 
 def _points_at(nodes: Array, places: Array) -> Array:
@@ -224,14 +230,15 @@ class Members:
         """(..., dof) the copies within the limits nearest to a seed (dof,)."""
         return angles.into_limits(angles.nearest_copy(q, seed), self.robot.lower, self.robot.upper)
 
-    def on_limits(self, q: Array) -> Array:
-        """A configuration (dof,) moved onto the limits it is past by rounding.
+    def on_limits(self, q: Array, snap: float | None = None) -> Array:
+        """Configurations (..., dof) moved onto the limits they are past by rounding, or what they are inexact [rad].
 
         NaN where a joint that has more than a turn of room is farther outside: others end their interval there.
         """
         inside = np.clip(q, self.robot.lower, self.robot.upper)
-        far = np.abs(inside - q) > self.verifier.options.limit_snap
-        return np.full(len(q), np.nan) if (far & self.wide).any() else inside
+        far = np.abs(inside - q) > (self.verifier.options.limit_snap if snap is None else snap)
+        inside[(far & self.wide).any(axis=-1)] = np.nan
+        return inside
 
     @property
     def wide(self) -> NDArray[np.bool_]:

@@ -21,8 +21,8 @@ from jacokin.ik.preferences import Cost, copies_to_try, with_ties
 from jacokin.ik.results import IKResult
 from jacokin.ik.solutions.curve_arm import CIRCLE, DIMENSIONS, FOLD, CurveArm, CurveProblem, Curves
 from jacokin.ik.solutions.curve_set import CurveSet, TrackInterval
-from jacokin.ik.solutions.least import minima, refine
-from jacokin.ik.solutions.members import GUESS_SPACING, CurveTrack, LostMemberError, Members, polylines
+from jacokin.ik.solutions.least import basins, least_costs, minima
+from jacokin.ik.solutions.members import CurveTrack, LostMemberError, Members, guesses, polylines
 from jacokin.ik.solutions.solution_set import IntervalEnd
 from jacokin.ik.targets import Request, TargetPose
 from jacokin.ik.verification import Candidate, Verifier
@@ -36,12 +36,6 @@ from jacokin.model.robot import Robot
 TRIED = 0.03
 #: Of an interval along which the parameter stands still, how many are; and so many are looked at together.
 TRIED_STANDING, AT_ONCE = 16, 64
-#: Along a track, minima among the guesses at most at which it is looked at exactly; and [rad] by how much less an angle
-#: may be beyond its limit between two guesses: half the way, but for what the guesses are inexact and the way is bent.
-LOOKED_AT, LESS_BETWEEN = 3, 0.6 * GUESS_SPACING
-#: Times as near to each other as guesses are places next to the least ones that are looked at by the same cubics, and
-#: [rad] how inexact those are.
-CLOSER, INEXACT = 8, 2e-4
 #: Moves of near misses, in tolerances, and ways: curves must be long enough to be found between two slices.
 MOVE, WAYS = 1000.0, 2
 #: Configurations of each branch next to the target that are within the limits, and outside, to start from at most.
@@ -337,34 +331,12 @@ def _find_least_excess(tracks: Sequence[CurveTrack], robot: Robot) -> LimitExces
         beyond: Array = (np.abs(angles.wrap_to_pi(rows[:, bounded] - middle)) - half).max(axis=1, initial=0.0)
         return beyond
 
-    def value(look: tuple[float, CurveTrack, Array, int]) -> float:
-        return look[0]
-
-    looks = list[tuple[float, CurveTrack, Array, int]]()
-    for track in tracks:
-        coordinates, rows = track.guesses()
-        values = worst(rows)
-        looks += [(float(values[n]), track, coordinates, n) for n in minima(values)[:LOOKED_AT].tolist()]
-    likely, closer = math.inf, list[tuple[float, CurveTrack, Array, int]]()
-    for guessed, track, coordinates, n in sorted(looks, key=value):
-        if max(guessed - LESS_BETWEEN, 0.0) >= likely:
-            break
-        low, high = coordinates[[max(n - 1, 0), min(n + 1, len(coordinates) - 1)]].tolist()
-        places = np.linspace(low, high, 2 * CLOSER + 1)
-        values = worst(track.configurations(places))
-        closer.append((float(values.min()), track, places, int(values.argmin())))
-        likely = min(likely, closer[-1][0])
-    best: tuple[float, CurveTrack, float] | None = None
-    for guessed, track, coordinates, n in sorted(closer, key=value):
-        if best is not None and max(guessed - LESS_BETWEEN / CLOSER - INEXACT, 0.0) >= best[0]:
-            break
-        least, coordinate = refine(worst, coordinates, n, track.configuration)
-        if best is None or least < best[0]:
-            best = least, track, coordinate
-    if best is None:
+    if not tracks:
         return None
-    _, track, coordinate = best
-    parameter, q = track.point(coordinate)
+    coordinates, rows, begins = guesses(tracks)
+    looks = basins(tracks, coordinates, begins, np.zeros_like(rows), worst(rows))
+    _, coordinate, place = least_costs(looks, worst, lambda _, rows, snap: rows, floor=0.0)[0]
+    parameter, q = place.track.point(coordinate)
     excess: Array = np.abs(angles.wrap_to_pi(q - angles.into_limits(q, lower, upper)))
     return LimitExcess(angles.into_limits(q, robot.lower, robot.upper), excess, parameter)
 

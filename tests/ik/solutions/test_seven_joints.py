@@ -20,7 +20,7 @@ from jacokin import FreeAxis, IKSolver, Robot, Status
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError, StructureError
 from jacokin.ik.geometry import measure_seven
-from jacokin.ik.solutions import search
+from jacokin.ik.solutions import least
 from jacokin.ik.solutions.least import refine
 from jacokin.model.angles import wrap_to_pi
 from tests.seven_joint_arms import HALF, Placement, load_arm, load_placed
@@ -209,7 +209,7 @@ def test_where_branches_come_nearest_to_the_limits_takes_few_looks(
         looks += 1
         return refine(*arguments)
 
-    monkeypatch.setattr(search, "refine", counting)
+    monkeypatch.setattr(least, "refine", counting)
     robot = solver.robot
     scan, bounded = Scan(robot), ~robot.unlimited
     lower, upper = robot.lower[bounded], robot.upper[bounded]
