@@ -7,18 +7,17 @@ from pathlib import Path
 
 import click
 
-from jacokin import ik, model
-from jacokin.cli import display, options
+from jacokin import ik
+from jacokin.cli import display
 from jacokin.cli.command import command, option, switch
-from jacokin.cli.groups import RobotOptions, ToolOptions
+from jacokin.cli.groups import NamedRobotOptions, ToolOptions
 from jacokin.errors import InvalidInputError
 
 
 @dataclass(frozen=True, slots=True)
-class ExportOptions(RobotOptions):
+class ExportOptions(NamedRobotOptions):
     """What is written, for which robot and machine."""
 
-    robot: str | None = option(default=model.DEFAULT_ROBOT, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
     output: Path | None = option(
         "--output", without=("--cflags",), metavar="DIR", help="Folder for all files; made where it is not there."
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -70,6 +70,26 @@ class RobotOptions:
             for name, given in read.items() if place.is_file() else ():
                 if given is not None and any(place.samefile(each) for each in _read_files(given, self.package_dirs)):
                     raise InvalidInputError(f"{flag} {output} is a file that {name} reads: it would be lost")
+
+
+@dataclass(frozen=True, slots=True)
+class NamedRobotOptions(RobotOptions):
+    """Which robot it is, for commands that are about nothing else."""
+
+    robot: str | None = option(
+        "--robot", metavar="NAME|FILE", help="As NAME|FILE, for who is used to it from the other commands."
+    )
+    name: str | None = option(required=False, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
+
+    def load(self) -> model.Robot:
+        """The robot.
+
+        Raises:
+            InvalidInputError: as `load_robot`, or it is given twice.
+        """
+        if self.name is not None and self.robot is not None:
+            raise InvalidInputError("give the robot once: as an argument, or with --robot")
+        return RobotOptions.load(self if self.name is None else replace(self, robot=self.name))
 
 
 # Meshes, textures and included files in a URDF or MJCF, and the folders MJCF looks for them in.

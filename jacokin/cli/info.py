@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from jacokin import ik, model
-from jacokin.cli import display, options
-from jacokin.cli.command import command, option
-from jacokin.cli.groups import FormOptions, RobotOptions
+from jacokin.cli import display
+from jacokin.cli.command import command
+from jacokin.cli.groups import FormOptions, NamedRobotOptions
 from jacokin.cli.units import JointUnits, Units
-from jacokin.errors import InvalidInputError, ModelError, ShapeError
+from jacokin.errors import ModelError, ShapeError
 from jacokin.model.descriptions import bundled
 
 
-@dataclass(frozen=True, slots=True)
-class InfoOptions(RobotOptions):
-    """Which robot is shown."""
-
-    robot: str | None = option(
-        "--robot", metavar="NAME|FILE", help="As NAME|FILE, for who is used to it from the other commands."
-    )
-    name: str | None = option(required=False, metavar="[NAME|FILE]", text=options.NAME_OR_FILE)
-
-
 @command()
-def info(given: InfoOptions, form: FormOptions) -> None:
+def info(given: NamedRobotOptions, form: FormOptions) -> None:
     """Show what a robot is: joints, limits with their source, home, frames, structure, shapes, and what is missing.
 
     Bundled robots: j2n6s300 (the default), j2n6s200, j2s6s300, j2s6s200, m1n6s300, m1n6s200, gen3_6dof, gen3_lite;
@@ -36,9 +26,7 @@ def info(given: InfoOptions, form: FormOptions) -> None:
       jacokin info j2s6s200 --degrees
       jacokin info urdf/j2n6s300.urdf --json
     """
-    if given.name is not None and given.robot is not None:
-        raise InvalidInputError("give the robot once: as an argument, or with --robot")
-    arm = replace(given, robot=given.name if given.robot is None else given.robot).load()
+    arm = given.load()
     if form.json:
         display.print_json(_document(arm, form.units))
     else:

@@ -30,7 +30,7 @@ from jacokin.kernels.six_joints.loop import Form
 from jacokin.kernels.tolerances import DISTINCT, EXACT_MISFIT
 from jacokin.model import angles, checks
 from jacokin.model.kinematics import about_z
-from jacokin.model.robot import Robot, limit_margins
+from jacokin.model.robot import Robot, limit_margins, unit_of
 
 SIX = 6  # joints that the closed form solves for
 SHARE = 0.71  # of a joint's range: a value where no axes should happen to meet or to be parallel
@@ -234,7 +234,7 @@ def checked_values(robot: Robot, fixed: Mapping[str, float]) -> Array:
     values = np.full(robot.dof, np.nan)
     for name, value in checks.mapping("fixed", fixed, "a dict of joint names and values").items():
         index = robot.joint_index(name)
-        values[index] = held = checks.number(f"fixed[{name!r}]", value, "m" if robot.sliding[index] else "rad")
+        values[index] = held = checks.number(f"fixed[{name!r}]", value, unit_of(robot, index))
         if not robot.lower[index] <= held <= robot.upper[index]:
             raise InvalidInputError(
                 f"fixed[{name!r}] = {held:g} is outside the limits {robot.lower[index]:g} to "

@@ -58,8 +58,8 @@ def near_configuration(robot: Robot, q: ArrayLike, name: str) -> Array:
     if max(map(abs, checked.tolist())) > FARTHEST_SEED:
         worst = int(np.argmax(np.abs(checked)))
         raise InvalidInputError(
-            f"{name}: {robot.joint_names[worst]} = {checked[worst]:.6g} rad is too far from zero; "
-            "use a copy within 1e6 rad"
+            f"{name}: {robot.joint_names[worst]} = {checked[worst]:.6g} {unit_of(robot, worst)} is too far from zero; "
+            "use a value within 1e6"
         )
     return checked
 
@@ -99,9 +99,10 @@ def checked_start(robot: Robot, q: ArrayLike | None, name: str = "q", *, outside
         return checks.read_only(inside)
     if outside:
         return checks.read_only(np.where(away <= ON_LIMIT, inside, found))
+    unit = unit_of(robot, joint)
     raise InvalidInputError(
-        f"{name} puts {robot.joint_names[joint]} at {found[joint]:.17g} rad, outside "
-        f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}] rad"
+        f"{name} puts {robot.joint_names[joint]} at {found[joint]:.17g} {unit}, outside "
+        f"[{robot.lower[joint]:.17g}, {robot.upper[joint]:.17g}] {unit}"
     )
 
 

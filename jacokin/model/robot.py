@@ -7,6 +7,7 @@ A `Robot` is parsed, checked and immutable; `load_robot` makes one. Public joint
 from __future__ import annotations
 
 import hashlib
+import math
 import threading
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -827,9 +828,22 @@ def checked_robot(name: str, value: object) -> Robot:
     return checks.instance(name, value, Robot, "a Robot, from load_robot")
 
 
-def unit_of(robot: Robot, joint: int) -> str:
+class Joints(Protocol):
+    """What has joints of which some may slide: a robot, a trajectory."""
+
+    @property
+    def sliding(self) -> NDArray[np.bool_]:
+        """(dof,) which joints slide."""
+
+
+def unit_of(joints: Joints, joint: int) -> str:
     """Of the values of a joint: "rad", or "m" where it slides."""
-    return "m" if robot.sliding[joint] else "rad"
+    return "m" if joints.sliding[joint] else "rad"
+
+
+def in_words(joints: Joints, joint: int, value: float, digits: str = ".3g") -> str:
+    """A value of a joint [rad, m] as people say it: "5 deg", or "5 mm" of one that slides."""
+    return f"{1e3 * value:{digits}} mm" if joints.sliding[joint] else f"{math.degrees(value):{digits}} deg"
 
 
 FASTEST = 1e4  # [rad/s] 1,600 turns a second; [m/s] where a joint slides

@@ -24,7 +24,7 @@ from jacokin.ik.seeds import ON_LIMIT
 from jacokin.kernels.library import Calls
 from jacokin.kernels.motion_rows import average_rows, look_between, make_average_work, make_between_work
 from jacokin.model.contact import REFUSED_WITHIN, Contact
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, unit_of
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
 MEAN = 0.25, 0.5, 0.25  # weights of three ticks
@@ -358,7 +358,8 @@ def checked_velocity(robot: Robot, v: object, limit: Array) -> Array:
     speed = robot.configuration(v, "v")  # type: ignore[arg-type]  # checked there
     fast = int(np.argmax(np.abs(speed) - limit))
     if abs(speed[fast]) > limit[fast] * (1.0 + 1e-9):  # rounding
+        unit = unit_of(robot, fast)
         raise InvalidInputError(
-            f"v has {robot.joint_names[fast]} at {speed[fast]:.6g} rad/s, its limit is {limit[fast]:.6g} rad/s"
+            f"v has {robot.joint_names[fast]} at {speed[fast]:.6g} {unit}/s, its limit is {limit[fast]:.6g} {unit}/s"
         )
     return speed

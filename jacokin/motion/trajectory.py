@@ -26,7 +26,7 @@ from jacokin.ik.results import Frozen
 from jacokin.ik.seeds import ON_LIMIT
 from jacokin.ik.targets import Target
 from jacokin.model import checks
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, unit_of
 from jacokin.motion.files import (
     NOT_OURS,
     Table,
@@ -304,15 +304,11 @@ class Trajectory(_Completing):
         if not fast.any():
             return ""
         row, joint = (int(index) for index in np.argwhere(fast)[0])
-        unit = self.unit(joint)
+        unit = unit_of(self, joint)
         return (
             f"{self.joint_names[joint]} moves {moved[row, joint]:.6g} {unit} from row {row} to the next, in "
             f"{steps[row, 0]:.6g} s: faster than {self.velocity_limit[joint]:.6g} {unit}/s"
         )
-
-    def unit(self, joint: int) -> str:
-        """Of the values of a joint: "rad", or "m" where it slides."""
-        return "m" if self.sliding[joint] else "rad"
 
     @classmethod
     def of(
@@ -727,7 +723,7 @@ def check_limits(trajectory: Trajectory, q: Array, v: Array) -> None:
     for broken, values, per in ((outside, q, ""), (fast, v, "/s")):
         if broken.any():
             row, joint = (int(index) for index in np.argwhere(broken)[0])
-            unit = trajectory.unit(joint) + per
+            unit = unit_of(trajectory, joint) + per
             raise InvalidInputError(
                 f"{trajectory.joint_names[joint]} breaks its limit after resampling: "
                 f"{values[row, joint]:.17g} {unit} in row {row}"
@@ -753,7 +749,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
     if np.abs(v[-1]).max() > 1e-7:  # ROS 2's joint_trajectory_controller refuses more than 1.2e-7
         joint = int(np.argmax(np.abs(v[-1])))
         raise InvalidInputError(
-            f"the last row is not at rest ({names[joint]} at {v[-1, joint]:.3g} {trajectory.unit(joint)}/s): "
+            f"the last row is not at rest ({names[joint]} at {v[-1, joint]:.3g} {unit_of(trajectory, joint)}/s): "
             "controllers of ROS 2 refuse it"
         )
     if len(q) == 1:
@@ -766,7 +762,7 @@ def check_interpolated(trajectory: Trajectory) -> None:
         for excess, allowed, per in ((fast, SPEED_ROUNDING, "/s"), (past, ON_LIMIT, "")):
             if excess.max() > allowed:
                 row, _, joint = (int(index) for index in np.unravel_index(int(np.argmax(excess)), excess.shape))
-                unit = trajectory.unit(joint) + per
+                unit = unit_of(trajectory, joint) + per
                 raise InvalidInputError(
                     f"{names[joint]} would pass its limit by {excess.max():.3g} {unit} between rows {row} and "
                     f"{row + 1} where a controller interpolates by {order}: plan it with a smaller dt, "

@@ -281,7 +281,11 @@ def main() -> int:
         signal.signal(number, lambda *_: ended.set())
     try:
         arm = (Ros1 if options.ros == 1 else Ros2)(options, forwarder.take)  # type: Ros1 | Ros2
-    except (ImportError, OSError) as why:
+    except ImportError as why:
+        advice = "source its setup.bash, and start the forwarder with the Python that has it (--python)"
+        say({"error": f"{sys.executable} has no ROS {options.ros} ({why}): {advice}"})
+        return 1
+    except OSError as why:
         say({"error": f"ROS {options.ros}: {why}"})
         return 1
     forwarder.attach(arm)

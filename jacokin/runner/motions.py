@@ -16,7 +16,7 @@ from jacokin.files import parsing
 from jacokin.logs.motion_files import read_motion
 from jacokin.model import checks
 from jacokin.model.angles import wrap_to_pi
-from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.robot import Robot, checked_robot, in_words
 from jacokin.motion.trajectory import SPEED_ROUNDING, Trajectory
 
 if TYPE_CHECKING:
@@ -234,11 +234,6 @@ def apart(robot: Robot, q: Array, other: Array) -> Array:
     """From angles to others (dof,) [rad], up to whole turns on joints without limits."""
     away = np.asarray(other - q)
     return np.where(robot.unlimited & ~robot.sliding, wrap_to_pi(away), away)
-
-
-def in_words(robot: Robot, joint: int, value: float, digits: str = ".3g") -> str:
-    """A difference of a joint's values [rad, m] as a text: "5 deg", or "5 mm" of one that slides."""
-    return f"{1e3 * value:{digits}} mm" if robot.sliding[joint] else f"{math.degrees(value):{digits}} deg"
 
 
 def _check_limits(robot: Robot, time: Array, q: Array) -> None:

@@ -22,9 +22,9 @@ from jacokin.arrays import Array, Sealed
 from jacokin.errors import InvalidInputError
 from jacokin.model import checks
 from jacokin.model.contact_observer import ContactObserver
-from jacokin.model.robot import Robot, checked_robot
+from jacokin.model.robot import Robot, checked_robot, in_words
 from jacokin.runner.measuring import MOST, LatencyMeasurement, Standing
-from jacokin.runner.motions import Motion, Wanted, apart, in_words
+from jacokin.runner.motions import Motion, Wanted, apart
 from jacokin.twin.faults import TICK
 
 RAMP = 0.2  # [s] in which a motion comes to wait for its arm, and goes on

@@ -21,7 +21,7 @@ from jacokin.ik.solver import IKSolver
 from jacokin.model import checks
 from jacokin.model.angles import TURN
 from jacokin.model.poses import FreeAxis
-from jacokin.model.robot import limit_margins
+from jacokin.model.robot import in_words, limit_margins
 from jacokin.viewer.view import Free, ShownPlaces, View
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ class Inspector:
             return self.played(q, note)
         off = np.abs(commanded - q)
         worst = int(off.argmax())
-        told = f"{1e3 * off[worst]:.1f} mm" if self.robot.sliding[worst] else f"{math.degrees(off[worst]):.2f} deg"
+        told = in_words(self.robot, worst, off[worst], ".2f")
         note = f"{note}; {self.robot.joint_names[worst]} is {told} from the command, the others less"
         return replace(self.played(q, note), commanded=checks.read_only(commanded))
 

@@ -20,7 +20,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "c" / "nearest.c"
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 def test_a_program_finds_the_installed_library_by_cflags(run: Run, tmp_path: Path) -> None:
     flags = run("export-c", "--cflags").out.split()
-    run("export-c", "--output", tmp_path)
+    run("export-c", "--robot", "j2n6s300", "--output", tmp_path)
     execute("cc", EXAMPLE, *flags, "-o", tmp_path / "use")
     assert "branch 4: within the limits" in execute(tmp_path / "use", tmp_path / "j2n6s300.jacokin").stdout
 
@@ -44,6 +44,7 @@ def test_export_c_writes_a_robot_with_its_tool_and_limits(run: Run, tmp_path: Pa
 
 def test_export_c_refuses_in_a_sentence(run: Run, tmp_path: Path) -> None:
     assert "--output must be given" in run("export-c", code=2).err
+    assert "give the robot once" in run("export-c", "gen3", "--robot", "gen3", "--output", tmp_path, code=2).err
     (tmp_path / "file").write_text("")
     assert "cannot be written" in run("export-c", "--output", tmp_path / "file" / "arm", code=2).err
     run("export-c", "--limit", "joint_2=3", "--output", tmp_path, code=2)

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from jacokin import IKSolver, Robot, load_robot
+from jacokin import IKSolver, Robot, Tracker, load_robot
 from jacokin.errors import InvalidInputError
 from jacokin.motion import Trajectory, move_joints, plan_motion, track_path
 from jacokin.motion import trajectory as trajectories
@@ -87,6 +87,22 @@ def test_every_motion_knows_which_joints_slide(lifting: Trajectory, tmp_path: Pa
     assert "m (slide) from home: bring the arm to q[0] first" in away.message
     fast = replace(lifting, velocity_limit=0.1 * lifting.velocity_limit, outcome="OK")
     assert re.search(r"slide moves \S+ m from row .*: faster than 0.1 m/s", fast.message)
+
+
+def test_values_of_a_slide_are_told_in_metres(lifting: Trajectory, tmp_path: Path) -> None:
+    file = tmp_path / "crane.urdf"
+    file.write_text(CRANE, encoding="utf-8")
+    robot = load_robot(file)
+    outside, far = [0.0, 2.0, 0.0], [0.0, 1e9, 0.0]
+    with pytest.raises(InvalidInputError, match=r"q_to puts slide at 2 m, outside \[0, 1.5\] m$"):
+        move_joints(robot, lifting.q[0], outside)
+    with pytest.raises(InvalidInputError, match=r"slide = 1e\+09 m is too far from zero; use a value within 1e6$"):
+        move_joints(robot, lifting.q[0], far)
+    tracker = Tracker(robot, dt=0.01, q=outside)
+    with pytest.raises(InvalidInputError, match=r"v has slide at 9 m/s, its limit is 1 m/s"):
+        tracker.reset(lifting.q[0], v=[0.0, 9.0, 0.0])
+    step = tracker.step(robot.forward_kinematics(lifting.q[0]))
+    assert "slide is 0.5 m past its limit and moves only inwards" in step.message
 
 
 def test_a_wrong_word_on_sliding_is_refused(lifting: Trajectory, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 from jacokin.errors import InvalidInputError
-from jacokin.runner import ProcessLink
+from jacokin.runner import ProcessLink, forwarder
 from jacokin.runner.forwarder import Forwarder
 
 
@@ -105,6 +106,11 @@ def test_what_a_forwarder_said_before_it_left_at_once_is_heard(monkeypatch: pyte
         patched.setattr(os, "write", refuse)
         link = linked('print(\'{"error": "no arm"}\')')
     expect_refusal(link, "no arm")
+
+
+def test_a_python_without_ros_is_told_what_to_do() -> None:
+    link = ProcessLink([sys.executable, "-I", "-S", forwarder.__file__, "--ros", "2", "--robot", "ur5"], ["joint_1"])
+    expect_refusal(link, re.escape(f"{sys.executable} has no ROS 2 (No module named 'rclpy'): source its setup.bash"))
 
 
 def test_a_link_that_is_closed_touches_no_other_file(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.wrappers import FlattenObservation, RescaleAction
 from numpy.typing import NDArray
 
 import jacokin.tasks
@@ -392,6 +393,9 @@ def test_mistakes(tmp_path: Path) -> None:
         jacokin.tasks.record(seeing, len, tmp_path / "seen.lerobot")
     with pytest.raises(InvalidInputError, match="env must be"):
         jacokin.tasks.record(3, len, tmp_path / "a.hdf5")  # type: ignore[arg-type]
+    for wrapped in (RescaleAction(env, -1.0, 1.0), FlattenObservation(TaskEnv("reach_site", flatten=False))):
+        with pytest.raises(InvalidInputError, match="env must have the actions and observations of env.unwrapped"):
+            jacokin.tasks.record(wrapped, len, tmp_path / "a.hdf5")
     with pytest.raises(InvalidInputError, match="policy must be"):
         jacokin.tasks.record(env, 3, tmp_path / "a.hdf5")  # type: ignore[arg-type]
     strange = TaskEnv("reach_site", randomization=Randomization(mass=lambda *_: 1.0))

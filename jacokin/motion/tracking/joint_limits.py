@@ -12,7 +12,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.kernels.tracking import limits
 from jacokin.kernels.tracking.limits import AT_ACCELERATION, AT_LOWER, AT_SPEED, AT_UPPER
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, unit_of
 
 WORDS = {AT_UPPER: "upper limit", AT_LOWER: "lower limit", AT_SPEED: "velocity"}
 
@@ -42,7 +42,7 @@ class JointLimits:
             dt: control step [s].
             catching: (dof,) accelerations in catching up with a target [rad/s^2]; None for all that joints may.
         """
-        self._names, self._dt = robot.joint_names, dt
+        self._robot, self._dt = robot, dt
         self.lower, self.upper = robot.lower, robot.upper
         self.step = velocity * dt
         self._acceleration = np.minimum(acceleration, 2.0 * velocity / dt)
@@ -82,12 +82,12 @@ class JointLimits:
     def names(self, reached: list[int]) -> list[str]:
         """Which limits joints run into, by the kernels' numbers of them."""
         found = []
-        for name, number in zip(self._names, reached, strict=True):
+        for name, number in zip(self._robot.joint_names, reached, strict=True):
             if number % AT_ACCELERATION:
                 found.append(f"{name} {WORDS[number % AT_ACCELERATION]}")
         return found + [
             f"{name} acceleration"
-            for name, number in zip(self._names, reached, strict=True)
+            for name, number in zip(self._robot.joint_names, reached, strict=True)
             if number >= AT_ACCELERATION
         ]
 
@@ -95,7 +95,7 @@ class JointLimits:
         """Which joints are past their limits at `q` (dof,) [rad], to end a sentence; "" for none, and for rounding."""
         past = np.maximum(q - self.upper, self.lower - q).tolist()
         return "".join(
-            f"; {name} is {far:.3g} rad past its limit and moves only inwards"
-            for name, far in zip(self._names, past, strict=True)
-            if far > LIMIT_SNAP
+            f"; {name} is {past[j]:.3g} {unit_of(self._robot, j)} past its limit and moves only inwards"
+            for j, name in enumerate(self._robot.joint_names)
+            if past[j] > LIMIT_SNAP
         )

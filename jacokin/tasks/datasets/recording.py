@@ -85,7 +85,8 @@ def record(
     not follow from the seed cannot be told from another. In the end the data set is written, as a whole.
 
     Args:
-        env: an environment of a task, of ours or your own. Wrappers around it are left out: actions are in its units.
+        env: an environment of a task, of ours or your own. Wrappers around it are left out, and refused if they change
+            its spaces: actions are in its units.
         policy: gives an action for an observation; if it has a method ``reset``, that is called before each episode,
             with ``seed=`` of the episode if it takes one. Actions are kept as they are applied: within their bounds.
         path: where to, and nothing may be there yet; ``.hdf5``: a file in robomimic's layout; ``.minari``,
@@ -101,6 +102,10 @@ def record(
         EpisodeInitializationError: an episode has no initial state.
     """
     inner = checked_environment(env)
+    if (env.action_space, env.observation_space) != (inner.action_space, inner.observation_space):
+        raise InvalidInputError(
+            f"env must have the actions and observations of env.unwrapped, for which policies are recorded, got {env}"
+        )
     if not callable(policy):
         raise checks.refusal("policy", "a function of an observation", policy)
     target = checks.path("path", path)

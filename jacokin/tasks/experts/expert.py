@@ -99,12 +99,13 @@ def _begun(script: Callable[[ArmDriver], Script], arm: ArmDriver) -> Script:
     """The actions of a script.
 
     Raises:
-        InvalidInputError: it gives something else.
+        InvalidInputError: it gives something else, or an action is not made of numbers.
     """
     actions = script(arm)
     if not isinstance(actions, Iterator):
         raise checks.refusal("an expert", "a function of an ArmDriver that yields actions", actions)
-    return actions
+    for action in actions:
+        yield checks.array("what an expert's script yields", action, "an action, an array of numbers")
 
 
 HEIGHT = 0.33  # [m] by which things are lifted
@@ -283,18 +284,17 @@ class Expert:
             observation: the features by name, with or without the leading axis of dm_control's buffers.
 
         Raises:
-            InvalidInputError: something else, or a script of your own that ends before the episode, or gives no
-                velocities (9,), which other controls than that of joint velocities need.
+            InvalidInputError: something else, or a script of your own that ends before the episode, yields no array of
+                numbers, or no velocities (9,), which other controls than that of joint velocities need.
         """
         self._arm.observe(observation)
         if self._actions is None:
             self._actions = self._begin()
-        found = next(self._actions, None)
-        if found is None:
+        action = next(self._actions, None)
+        if action is None:
             raise InvalidInputError(
                 "the script of this expert has ended before the episode: let it end with `yield from arm.stay(0.0)`"
             )
-        action = np.asarray(found)
         if self.control == "joint_velocity":
             return action
         if action.shape != (SIZE,):

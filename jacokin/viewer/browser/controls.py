@@ -14,7 +14,7 @@ from viser import uplot
 from jacokin.arrays import Array
 from jacokin.ik.options import COLLISION
 from jacokin.model import checks, poses
-from jacokin.model.robot import Robot
+from jacokin.model.robot import Robot, unit_of
 from jacokin.viewer import texts
 from jacokin.viewer.contents import COLOURS, SPEEDS, MapSlices, Playback, Setup
 from jacokin.viewer.drawing import Triangles
@@ -330,8 +330,7 @@ class PlayerControls:
 def _plot(gui: viser.GuiApi, robot: Robot, playback: Playback, joint: int) -> None:
     """A joint over time, with its limits as lines where it has any."""
     rows = playback.rows(MOST_POINTS)
-    unit = "m" if robot.sliding[joint] else "rad"
-    lines = [(f"{robot.joint_names[joint]} [{unit}]", playback.q[rows, joint], "#1c7ed6")]
+    lines = [(f"{robot.joint_names[joint]} [{unit_of(robot, joint)}]", playback.q[rows, joint], "#1c7ed6")]
     if len(playback.commanded_t):
         commanded = np.interp(playback.t[rows], playback.commanded_t, playback.commanded_q[:, joint])
         lines.append(("commanded", commanded, "#12b886"))

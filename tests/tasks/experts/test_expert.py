@@ -235,7 +235,11 @@ def test_scripts_that_end_or_yield_nothing_are_refused(noise: float) -> None:
     def plain(arm: ArmDriver) -> Any:
         return np.zeros(9)
 
-    for name, script in (("mine/Ending-v0", ending), ("mine/Plain-v0", plain)):
+    def bare(arm: ArmDriver) -> Any:
+        yield None
+
+    scripts = {"mine/Ending-v0": ending, "mine/Plain-v0": plain, "mine/Bare-v0": bare}
+    for name, script in scripts.items():
         jacokin.tasks.register(jacokin.tasks.Task(success=lambda _: False), id=name, expert=script)
     observation = jacokin.tasks.load("mine/Ending-v0", seed=0).reset().observation
     expert = jacokin.tasks.expert("mine/Ending-v0", noise=noise)
@@ -244,3 +248,5 @@ def test_scripts_that_end_or_yield_nothing_are_refused(noise: float) -> None:
         expert(observation)
     with pytest.raises(InvalidInputError, match="an expert must be a function of an ArmDriver that yields actions"):
         jacokin.tasks.expert("mine/Plain-v0", noise=noise)(observation)
+    with pytest.raises(InvalidInputError, match=r"script yields must be an action, an array of numbers, got None$"):
+        jacokin.tasks.expert("mine/Bare-v0", noise=noise)(observation)
