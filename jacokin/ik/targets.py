@@ -262,7 +262,9 @@ def _alone(targets: object) -> str:
     """What a single target is; empty for anything else."""
     if isinstance(targets, pin.SE3 | FreeAxis):
         return f"one {type(targets).__name__}"
-    if not isinstance(targets, np.ndarray | list | tuple) or len(targets) not in (3, 4):
+    if not isinstance(targets, np.ndarray | list | tuple) or getattr(targets, "shape", ...) == ():
+        return ""
+    if len(targets) not in (3, 4):
         return ""
     try:
         shape = checks.numbers(targets).shape

@@ -156,6 +156,7 @@ def test_what_a_target_has_is_said_beforehand(robot: Robot) -> None:
     ("targets", "arguments", "error", "message"),
     [
         ([], {}, InvalidInputError, "targets is empty"),
+        (np.array(0.0), {}, InvalidInputError, "targets must be a sequence of poses"),
         (5, {}, InvalidInputError, "targets must be a sequence of poses"),
         (POSE, {}, InvalidInputError, r"got one pose of shape \(4, 4\): solve\(target\) takes it, or give \[target\]"),
         (np.array(POSE).tolist(), {}, InvalidInputError, r"got one pose of shape \(4, 4\)"),

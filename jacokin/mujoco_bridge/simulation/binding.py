@@ -278,6 +278,7 @@ class ForwardCache:
         self._watch = ModelWatch(model)
         self._now = _WatchedState(model)
         self._at_pass = _WatchedState(model)
+        self._scale = np.full(len(self._now.all), 1e-10)
         self._is_known = False
         self._warnings: Array = data.warning.number
         self._no_warnings = np.zeros_like(self._warnings).tobytes()
@@ -387,8 +388,8 @@ class ForwardCache:
         )
 
     def _refuse_infinite(self, state: Array) -> None:
-        # One dot product is the cheapest test for NaN and inf.
-        if math.isfinite(state.dot(state)) or np.isfinite(state).all():
+        # One dot product is the cheapest test for NaN and inf; scaled, it does not overflow.
+        if math.isfinite(state.dot(self._scale[: len(state)])):
             return
         data = self.data
         wrong = [name for name in _INPUTS if not np.isfinite(getattr(data, name)).all()]

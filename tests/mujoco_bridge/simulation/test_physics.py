@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 from collections.abc import Callable
 from pathlib import Path
@@ -186,6 +187,16 @@ def test_positions_and_velocity_sensors_belong_to_the_new_state(integrator: str)
     physics.forward()
     np.testing.assert_allclose(physics.data.sensordata[:3], velocity, rtol=0.0, atol=FRESH)
     np.testing.assert_allclose(physics.data.site("end").xpos, end, rtol=0.0, atol=FRESH)
+
+
+def test_an_input_whose_square_is_not_finite_is_taken_as_it_is() -> None:
+    physics = pendulum()
+    physics.data.ctrl[0] = 1e300  # a warning would be an error here
+    with contextlib.suppress(PhysicsError):  # whatever MuJoCo makes of it
+        physics.step()
+    physics.data.ctrl[0] = 0.0
+    physics.step()
+    assert np.isfinite(physics.data.qpos).all()
 
 
 def test_a_state_that_is_not_finite_is_refused_and_kept() -> None:
