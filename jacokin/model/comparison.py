@@ -276,7 +276,8 @@ def _joint_order(first: Engine, second: Engine, joint_map: Mapping[str, str]) ->
     """Index in the second arm of each joint of the first."""
     for name in joint_map:
         checks.choice("joint", name, first.joint_names)
-    wanted = [checks.choice("joint", joint_map.get(name, name), second.joint_names) for name in first.joint_names]
+    names = [joint_map.get(name, name) for name in first.joint_names]
+    wanted = [checks.choice("joint of the second arm", name, second.joint_names) for name in names]
     if sorted(wanted) != sorted(second.joint_names):
         raise InvalidInputError(
             f"the arms have different joints: {', '.join(first.joint_names)} and {', '.join(second.joint_names)}"

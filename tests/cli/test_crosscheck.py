@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from jacokin.model.descriptions import bundled
 from tests.cli.run import Run
+from tests.robot_files import CRANE
 
 
 def test_crosscheck_of_the_same_arm_passes(run: Run) -> None:
@@ -33,3 +36,9 @@ def test_crosscheck_with_bases_of_their_own(run: Run) -> None:
     words = ("crosscheck", urdf, mjcf, "--samples", "5", "--base", "link_1", "--json")
     assert run(*words).document == run(*words, "--second-base", "link_1").document
     assert "'lnk'" in run(*words, "--second-base", "lnk", code=2).err
+
+
+def test_crosscheck_says_which_arm_lacks_a_joint(run: Run, tmp_path: Path) -> None:
+    other = tmp_path / "crane.urdf"
+    other.write_text(CRANE, encoding="utf-8")
+    assert "unknown joint of the second arm 'joint_1'" in run("crosscheck", "gen3", other, code=2).err
