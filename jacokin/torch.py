@@ -23,7 +23,7 @@ def solve(  # Any: tensors, of a package that need not be installed
     The gradient by a pose is that of `IKSolver.pull_back`: its part along motions of the pose, for poses that are
     computed as rotations and positions. On seven joints the parameter is constant, as in `IKSolver.gradient`. There is
     no second derivative, and none by the seeds. `torch.func` and `torch.vmap` are refused, which many poses do not
-    need; within `torch.compile` call ``torch.compiler.disable(jacokin.torch.solve)``.
+    need; `torch.compile` breaks its graph here.
 
     Args:
         solver: of six joints, or of seven whose poses have curves of answers.
@@ -42,6 +42,16 @@ def solve(  # Any: tensors, of a package that need not be installed
     """
     with needed("torch", "torch"):
         import torch
+    # Only while it is traced: `disable` loads the whole compiler.
+    untraced = torch.compiler.disable(_solve) if torch.compiler.is_compiling() else _solve
+    found: tuple[Any, Any] = untraced(solver, poses, seeds, closest)
+    return found
+
+
+def _solve(solver: IKSolver, poses: Any, seeds: Any, closest: bool) -> tuple[Any, Any]:
+    """`solve`, as PyTorch's compiler must not trace it."""
+    import torch
+
     for name, value in (("poses", poses), ("seeds", seeds)):
         if not isinstance(value, torch.Tensor) and (name == "poses" or value is not None):
             raise InvalidInputError(f"{name} must be a torch.Tensor, got {type(value).__name__}")

@@ -50,6 +50,18 @@ def test_gradients_agree_with_finite_differences_along_motions(solver: IKSolver,
     )
 
 
+def test_compiled_functions_leave_the_solver_alone(solver: IKSolver, rng: np.random.Generator) -> None:
+    seeds, poses = (torch.tensor(each) for each in regular(solver, rng, 3))
+    found = []
+    for change in (torch.compile(backend="eager"), lambda function: function):
+        given = poses.clone().requires_grad_()
+        q, success = change(lambda poses: jacokin.torch.solve(solver, poses, seeds))(given)
+        (q**2).sum().backward()
+        found.append((q.detach(), success, given.grad))
+    for compiled, plain in zip(*found, strict=True):
+        np.testing.assert_array_equal(compiled.numpy(), plain.numpy())
+
+
 def test_gradients_are_those_of_the_solver(solver: IKSolver, rng: np.random.Generator) -> None:
     seeds, poses = regular(solver, rng, 6)
     given = torch.tensor(poses.reshape(2, 3, 4, 4), requires_grad=True)
