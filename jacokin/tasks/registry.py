@@ -1,7 +1,7 @@
 """`TASKS`, the tasks by name, `names` of their environments, and `register` for tasks of your own.
 
-A name of an environment is that of a task and what is observed: ``reach_site_features``, ``reach_site_vision``. The
-name of a module before it, ``my_tasks:mine/LiftMug-v0``, imports that first.
+A name of an environment is that of a task and what is observed: ``reach_site_features``, ``reach_site_vision``. A task
+is also named by its id in Gymnasium; the name of a module before that, ``my_tasks:mine/LiftMug-v0``, is imported first.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def task_and_observations(name: str) -> tuple[str, str]:
 
 
 def imported(name: str) -> str:
-    """A name without that of the module before a colon, which is imported.
+    """A name without that of the module before a colon, which is imported; that of the task for an id of ours.
 
     Raises:
         InvalidInputError: it cannot be imported; or not a name but a task, which has none yet.
@@ -154,13 +154,21 @@ def imported(name: str) -> str:
     if isinstance(name, Task):
         raise InvalidInputError("task must be a name, got a Task: register(task, id='mine/LiftMug-v0') gives it one")
     if not isinstance(name, str) or ":" not in name:
-        return name
+        return of_id(name)
     module, _, plain = name.partition(":")
     try:
         importlib.import_module(module)
     except (ImportError, TypeError, ValueError) as error:  # a TypeError for a relative name
         raise InvalidInputError(f"the module {module!r} before ':' cannot be imported: {error}") from error
-    return plain
+    return of_id(plain)
+
+
+def of_id(name: str) -> str:
+    """The name of the task that has an id of ours in Gymnasium, such as "jacokin/ReachSite-v0"; else what was given."""
+    if not isinstance(name, str) or not name.startswith("jacokin/") or importlib.util.find_spec("gymnasium") is None:
+        return name
+    ids = importlib.import_module("jacokin.tasks.gym.registration").IDS
+    return next((task for task, each in ids.items() if each == name), name)
 
 
 def make(task: str) -> Task:

@@ -427,9 +427,7 @@ def _make(source: Path, description: dict[str, Any], render_mode: str | None) ->
     kwargs = dict(description["kwargs"])
     if kwargs["reward"] == FUNCTION:
         raise InvalidInputError(f"{source}: its reward is a function, which it does not hold: give env=...")
-    name = description["id"]
-    task = {identifier: task for task, identifier in IDS.items()}.get(name, name)
-    checks.choice("task", task, registry.TASKS)
+    task = checks.choice("task", registry.of_id(description["id"]), registry.TASKS)
     for option in kwargs:
         checks.choice(f"option of the environment of {source}", option, KEPT)
     kwargs.setdefault("contact", DM_CONTROL)  # before it was an option

@@ -325,8 +325,8 @@ def expert(
     applied: record them as they are. Not every episode is solved then.
 
     Args:
-        name: of the task or its environment, such as "lift_brick" or "lift_brick_features", or the id of a task of your
-            own that was registered with an expert.
+        name: of the task or its environment, such as "lift_brick" or "lift_brick_features", or its id in Gymnasium, of
+            ours or one that was registered with an expert.
         control: what actions mean, as in ``gymnasium.make(..., control=control)``. Scripts think in velocities of the
             joints; other controls follow them less exactly.
         noise: standard deviation of normal noise on the velocities of the joints and the fingers [rad/s], one number or
