@@ -101,6 +101,18 @@ class TrackerState(NamedTuple):
     """Where twists have led; None after a target."""
 
 
+class Places(NamedTuple):
+    """Where obstacles are at the end of a tick."""
+
+    where: Whereabouts | None
+    """None when no shapes are kept apart."""
+    shift: Array | None
+    """(k,) how far they moved since distances were measured, at most [m]; None for not."""
+
+
+NOWHERE = Places(None, None)
+
+
 class _Tick(NamedTuple):
     """How a tick went, beside what its report says."""
 
@@ -108,8 +120,6 @@ class _Tick(NamedTuple):
     """When, by `time.perf_counter` [s]."""
     excused: bool = True
     """Whether the error may grow."""
-    asked: Asked | None = None
-    """What it was asked for, if the next one is to look back at it."""
     held: str = ""
     """Why the arm stands, if it does."""
     apart: Sequence[int] = ()
@@ -430,10 +440,9 @@ class Tracker:
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets: the state after it."""
         self._qp.reset()
-        places = self._move_obstacles(state)
-        state = self._see(state, places)
+        state, places, contacts = self._look(state)
         try:
-            return self._solve(state, tasks, began, deadline)
+            return self._solve(state, contacts, tasks, began, deadline)
         except OutOfTime:
             return self._brake(state, places, tasks, began)
 
@@ -454,12 +463,10 @@ class Tracker:
         wanted = in_base_axes(twist, reference, line.pose)
         goal = self._targets.tasks(moved(line.pose, wanted, self.dt))
         self._qp.reset()
-        places = self._move_obstacles(state)
+        state, places, contacts = self._look(state)
         try:
-            state = self._see(state, places)
-            contacts = self._among(state)
             if self._ticks.linearise(state.arm, goal):  # shapes are moved apart first
-                after, step = self._solve(state, goal, began, deadline)
+                after, step = self._solve(state, contacts, goal, began, deadline)
                 return after._replace(asked=None, line=None), step
             self._twists.ask(line, off, wanted, state.arm.q, self._wish(state.arm.q))
             outcome = self._ticks.go(FROM_TWIST, deadline, can_stop=state.can_stop)
@@ -471,45 +478,39 @@ class Tracker:
         found = found._replace(on_target=followed)
         return self._end(state, found, self._found(state, contacts), _Tick(began, along=along))
 
-    def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
-        """Put the obstacles where they are at the end of the tick; with how far they moved (k,) [m], None for not."""
+    def _look(self, state: TrackerState) -> tuple[TrackerState, Places, Contacts]:
+        """Have the kernel know what is near at the end of the tick; with the state there, and what is in contact.
+
+        Distances are measured anew where obstacles moved or there was no time for it.
+        """
+        guard, distances = state.guard, state.distances
+        if guard is None or distances is None:
+            self._ticks.among(None)
+            return state, NOWHERE, NO_CONTACTS
+        where, shift = places = self._move_obstacles(state)
+        if shift is not None or not distances.measured:
+            distances = guard.refresh(state.arm.q, distances, shift)
+        if where is not state.where or distances is not state.distances:
+            state = state._replace(distances=distances, where=where)
+        self._ticks.among(guard.work)
+        return state, places, guard.take(distances)
+
+    def _move_obstacles(self, state: TrackerState) -> Places:
+        """Put the obstacles where they are at the end of the tick."""
         guard = state.guard
         if guard is None or state.where is None:
-            return None, None
+            return NOWHERE
         before = self._state.where if self._state.guard is guard else state.where
         assert before is not None
         where = state.where.after(self.dt)
         guard.put(where)
-        return where, None if where.poses is before.poses else guard.shapes.travel(before, where)
-
-    def _see(self, state: TrackerState, moved: tuple[Whereabouts | None, Array | None]) -> TrackerState:
-        """The state with distances to the obstacles where they are at the end of the tick.
-
-        They are measured anew where obstacles moved or there was no time for it.
-        """
-        (where, shift), guard, distances = moved, state.guard, state.distances
-        if guard is None or distances is None:
-            return state
-        if shift is not None or not distances.measured:
-            distances = guard.refresh(state.arm.q, distances, shift)
-        elif where is state.where:
-            return state
-        return state._replace(distances=distances, where=where)
-
-    def _among(self, state: TrackerState) -> Contacts:
-        """Have the kernel know what keeps shapes apart, and what is near; returns what is in contact."""
-        guard, distances = state.guard, state.distances
-        if guard is None or distances is None:
-            self._ticks.among(None)
-            return NO_CONTACTS
-        self._ticks.among(guard.work)
-        return guard.take(distances)
+        return Places(where, None if where.poses is before.poses else guard.shapes.travel(before, where))
 
     def _solve(
-        self, state: TrackerState, tasks: Tasks, began: float, deadline: float
+        self, state: TrackerState, contacts: Contacts, tasks: Tasks, began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets whose distances are known."""
-        ticks, held, contacts = self._ticks, "", self._among(state)
+        ticks, held = self._ticks, ""
         wish = self._wish(state.arm.q) if self._objectives else None
         ticks.ask(state.arm, tasks, state.asked, refined=wish is not None)
         outcome = ticks.go(WHOLE, deadline, can_stop=state.can_stop)
@@ -527,14 +528,16 @@ class Tracker:
                     later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
                 ticks.step[:] = refine(ticks.step.copy(), ticks, later, self._limits, self._qp)
             outcome = ticks.go(stage, deadline, can_stop=state.can_stop)
-        found, asked, apart = ticks.report(outcome, tasks), ticks.asked(tasks, solved=not held), ()
+        found, apart = ticks.report(outcome, tasks), ()
         if found.apart and state.distances is not None:
             apart = state.distances.near[ticks.apart].tolist()
-        if found.grew and not held:
+        if held and found.asked is not None:
+            found = found._replace(asked=found.asked._replace(is_aimed=False))
+        elif found.grew:
             held = "every step makes the error grow"
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
         excused = bool(apart) or found.is_slowed
-        tick = _Tick(began, excused, asked, held, apart)
+        tick = _Tick(began, excused, held, apart)
         return self._end(state, found, self._found(state, contacts), tick)
 
     def _wish(self, q: Array) -> Array | None:
@@ -546,7 +549,7 @@ class Tracker:
     def _brake(
         self,
         state: TrackerState,
-        moved: tuple[Whereabouts | None, Array | None] | None,
+        moved: Places | None,
         tasks: Tasks,
         began: float,
     ) -> tuple[TrackerState, TrackerStep]:
@@ -572,8 +575,8 @@ class Tracker:
         self, before: TrackerState, found: Report, distances: Distances | None, tick: _Tick
     ) -> tuple[TrackerState, TrackerStep]:
         """The state after a tick, and what is said about it."""
-        began, excused, asked, _, apart, along, late = tick
-        arm, a, position, orientation, error, fastest, past, on_target, singular, can_stop, *_ = found
+        began, excused, _, apart, along, late = tick
+        arm, a, position, orientation, error, fastest, past, on_target, singular, can_stop, _, _, _, asked = found
         guard, growing = before.guard, 0
         if not (excused or on_target) and error > before.error + GROWTH:
             growing = before.growing + 1
