@@ -355,6 +355,11 @@ class TickSolver:
         return self._work.step
 
     @property
+    def velocity(self) -> Array:
+        """(dof,) of the arm over the tick [rad/s]; it changes with the next."""
+        return self._work.after[self._dof : 2 * self._dof]
+
+    @property
     def bounds(self) -> tuple[Array, Array]:
         """Least and largest displacement (dof,) [rad] of the tick; they change with the next."""
         return self._work.bounds[: self._dof], self._work.bounds[self._dof :]

@@ -62,8 +62,8 @@ class TwistStep(NamedTuple):
 
     line: TwistLine
     """After the tick."""
-    part: float
-    """Of the twist that can be followed."""
+    is_followed: bool
+    """Whether all of the twist is followed."""
     cause: str
     """What holds the arm back; "" for nothing."""
 
@@ -136,12 +136,13 @@ class TwistFollower:
         followed = work.followed.copy()
         damping, part = float(work.damping[0]), float(work.part[0])
         after = moved(line.pose, followed - work.late / self._dt, self._dt)
-        return TwistStep(TwistLine(after, followed, damping, part), part, word)
+        is_followed = part >= FOLLOWED and self._lag() <= 1.0 - FOLLOWED
+        return TwistStep(TwistLine(after, followed, damping, part), is_followed, word)
 
-    def lag(self, v: Array) -> float:
-        """What velocities (dof,) [rad/s] leave of the twist that was asked for, as a part of it."""
+    def _lag(self) -> float:
+        """What the arm leaves of the twist that was asked for, as a part of it."""
         work = self._ticks.twist
-        left = _length(work.inverse.jacobian.reshape(6, -1).dot(v) * self._dt - work.wanted)
+        left = _length(work.inverse.jacobian.reshape(6, -1).dot(self._ticks.velocity) * self._dt - work.wanted)
         return left / max(_length(work.wanted), NOTHING * self._dt)
 
     def _aside(self, wish: Array, q: Array) -> Array:
