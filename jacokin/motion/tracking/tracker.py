@@ -434,7 +434,7 @@ class Tracker:
         """A tick along a twist: the state after it."""
         kinematics = self._kinematics
         kinematics.move_to(state.arm.q)
-        tool = kinematics.pose(kinematics.tool).copy()
+        tool = kinematics.pose(kinematics.tool).homogeneous
         line = state.line
         if line is None:
             velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.arm.v)
