@@ -397,7 +397,7 @@ class ClearanceGuard:
     def limiting(self, now: Distances, apart: Iterable[int]) -> list[str]:
         """Names of the pairs at the distance or nearer, and of those by their numbers that are moved apart."""
         near: list[int] = []
-        if len(now.near):
+        if now.least < self._largest + 2.0 * BUFFER or now.contacts.kept:
             near = now.near[now.distance < now.numbers[:, KEPT] + 2.0 * BUFFER].tolist()
         return [self.name(pair) for pair in dict.fromkeys((*near, *apart))]
 

@@ -360,11 +360,6 @@ class TickSolver:
         return self._work.after[self._dof : 2 * self._dof]
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Least and largest displacement (dof,) [rad] of the tick; they change with the next."""
-        return self._work.bounds[: self._dof], self._work.bounds[self._dof :]
-
-    @property
     def room(self) -> tuple[Array, Array]:
         """Least and largest displacement (dof,) [rad] to the limits; they change with the next tick."""
         return self._work.room[: self._dof], self._work.room[self._dof :]
