@@ -62,7 +62,6 @@ from jacokin.kernels.tracking.tick import (
     make_tick_work,
 )
 from jacokin.kernels.tracking.twist import make_twist_work
-from jacokin.model import checks
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, Tasks
 
@@ -330,7 +329,8 @@ class TickSolver:
         """What a tick has come to that ended with an outcome; the next one may look back at `tasks`."""
         work, dof = self._work, self._dof
         self._kept = tasks
-        said, counts, numbers = checks.sealed(self._said.copy()), work.counts.tolist(), work.numbers.tolist()
+        # Arrays on bytes are read-only.
+        said, counts, numbers = np.frombuffer(self._said.tobytes()), work.counts.tolist(), work.numbers.tolist()
         on_target = outcome == ON_TARGET
         return Report(
             JointState(said[:dof], said[dof : 2 * dof]),
