@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
-from jacokin.ik.seeds import FARTHEST_SEED
 from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import checked_target
 from jacokin.model import checks
+from jacokin.model.angles import FARTHEST_SEED
 from jacokin.model.poses import checked_matrices
 
 #: The type of numbers that answers are exact in; float32 knows a pose to 1e-7 only.

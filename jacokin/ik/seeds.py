@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.model import angles, checks
+from jacokin.model.angles import FARTHEST_SEED
 from jacokin.model.robot import Robot, unit_of
 
-FARTHEST_SEED = 1e6  # [rad] beyond this a double no longer resolves an angle to 1e-10 rad
 ON_LIMIT = 1e-6  # [rad] or [m] past its limit, a joint is on it: rounding of files, degrees and single precision
 DEFAULT_RANDOM_SEED = 0  # of the generator used when the caller brings none: results repeat
 
@@ -27,9 +27,8 @@ def seed_within_limits(robot: Robot, seed: ArrayLike | None, name: str = "seed")
     if seed is None:
         return robot.home, ""
     q = seed if checks.is_plain(seed, robot.dof) else robot.configuration(seed, name)
-    values = q.tolist()  # NaN is not within limits
-    lower, upper = robot.limit_values
-    if inside_exactly(lower, values, upper) and max(values) <= FARTHEST_SEED and min(values) >= -FARTHEST_SEED:
+    lower, upper = robot.seed_limits
+    if inside_exactly(lower, q.tolist(), upper):  # NaN is not
         return q, ""
     q = near_configuration(robot, q, name)
     outside = np.flatnonzero((q < robot.lower) | (q > robot.upper))

@@ -95,13 +95,16 @@ def about(contents: bytes) -> About | None:
     try:
         for line in match[4].decode().splitlines():
             name, *arrays = line.split()
-            layouts[name] = tuple(
-                ArrayLayout(np.dtype(dtype), tuple(map(int, shape.split(","))))
-                for dtype, shape in (a.split(":") for a in arrays)
-            )
+            layouts[name] = tuple(map(_array_layout, arrays))
         return About(match[1].decode(), match[2].decode(), int(match[3]), layouts)
     except (TypeError, ValueError):  # not the text that was written
         return None
+
+
+@cache  # of more than a thousand arrays, few differ
+def _array_layout(text: str) -> ArrayLayout:
+    dtype, shape = text.split(":")
+    return ArrayLayout(np.dtype(dtype), tuple(map(int, shape.split(","))))
 
 
 class Library:

@@ -13,6 +13,8 @@ from jacokin.kernels.tolerances import LIMIT_SNAP
 
 #: Of one configuration, whole turns away within the limits, that a motion may lead through.
 MOST_COPIES = 64
+#: [rad] from zero; beyond this a double no longer resolves an angle to 1e-10 rad.
+FARTHEST_SEED = 1e6
 
 
 def wrap_to_turn(angles: Array | float) -> Array:

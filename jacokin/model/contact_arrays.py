@@ -368,12 +368,13 @@ def _grouped(numbers: dict[int, Array]) -> list[tuple[list[int], Array]]:
     """Shapes of one link in groups that lie together, each with its sphere (centre, radius) [m]."""
     groups = [[geom] for geom in numbers]
     spheres = np.array([row[CENTRE:] for row in numbers.values()])
+    below = np.tri(len(groups), dtype=np.bool_)
     while len(groups) > 1:
         far = np.linalg.norm(spheres[:, np.newaxis, :3] - spheres[:, :3], axis=2)
         radii = spheres[:, 3]
         around = np.maximum(0.5 * (far + radii[:, np.newaxis] + radii), np.maximum(radii[:, np.newaxis], radii))
-        around[np.tril_indices(len(groups))] = np.inf
-        i, j = (int(index) for index in np.unravel_index(np.argmin(around), around.shape))
+        around[below[: len(groups), : len(groups)]] = np.inf
+        i, j = divmod(int(np.argmin(around)), len(groups))
         # Groups of less than 8 cm, and of 1.35 times the larger shape: wider ones hold more and are near more often.
         if around[i, j] > max(0.08, 1.35 * max(radii[i], radii[j])):
             break

@@ -78,6 +78,11 @@ class Robot:
         self.upper = checks.read_only(model.upperPositionLimit)
         #: `lower` and `upper` as plain floats, for callers inside the package.
         self.limit_values: tuple[list[float], list[float]] = (self.lower.tolist(), self.upper.tolist())
+        #: Those within which a solve may start.
+        self.seed_limits: tuple[list[float], list[float]] = (
+            np.maximum(self.lower, -angles.FARTHEST_SEED).tolist(),
+            np.minimum(self.upper, angles.FARTHEST_SEED).tolist(),
+        )
         self.unlimited: NDArray[np.bool_] = checks.sealed(np.isinf(self.lower) & np.isinf(self.upper))
         self.sliding = checks.sealed(np.array([slides(model, joint) for joint in range(1, model.njoints)], np.bool_))
         self.velocity_limit = checks.read_only(model.velocityLimit)

@@ -431,7 +431,7 @@ class Teleop:
         mapping.target = self.tool
         smooth.start_from(mapping.target)
         self._held = 0.0
-        target = moved(before, speed, dt)
+        target = pin.SE3(moved(before.homogeneous, speed, dt))
         return TeleopStep(tracking.q, tracking.v, TeleopStatus.FOLLOWING, "", target, smooth.lag_of_twists, tracking)
 
     def _track(self, target: pin.SE3 | JointTarget | Array, around: _Around) -> TrackerStep:

@@ -19,9 +19,10 @@ from jacokin.arrays import Array
 from jacokin.chunks.execution import worker_processes
 from jacokin.errors import InvalidInputError, JacokinError
 from jacokin.ik.results import BatchResult, IKResult, Status
-from jacokin.ik.seeds import FARTHEST_SEED, seed_within_limits
+from jacokin.ik.seeds import seed_within_limits
 from jacokin.ik.targets import Target, checked_batch
 from jacokin.model import checks
+from jacokin.model.angles import FARTHEST_SEED
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot
 

@@ -38,7 +38,7 @@ from jacokin.kernels.tracking.reach import (
     try_reach,
 )
 from jacokin.kernels.tracking.rest import turn_aside
-from jacokin.kernels.tracking.tasks import TASK_INTEGERS, TASK_NUMBERS, place_joints
+from jacokin.kernels.tracking.tasks import TASK_INTEGERS, TASK_NUMBERS, is_rigid, place_joints, take_pose
 from jacokin.kernels.tracking.tick import (
     APART,
     BEST,
@@ -48,9 +48,11 @@ from jacokin.kernels.tracking.tick import (
     GREW,
     GROWS,
     GUARDED,
+    IF_RIGID,
     IN_PARTS,
     MOST_SPARE,
     NEEDS_QP,
+    POSED,
     REFINED,
     ROWS,
     SLOWED,
@@ -77,7 +79,8 @@ from jacokin.kernels.tracking.watch import take_near, watch_corners
 LINEARISE, LOOK_AHEAD, WHOLE, FROM_TOTAL, FROM_TWIST, FROM_STEP, TRY, REPORT = range(8)
 #: What it returns beside 0 on the way, and what `find_step` does with a QP solver to be called: the arm is on its
 #: target; the displacement of this tick is there, and something else may be added to it; time to look at the clock.
-ON_TARGET, NEEDS_MORE, UNFINISHED = 1, 3, 4
+#: Or nothing was done, as the pose is not rigid.
+ON_TARGET, NEEDS_MORE, UNFINISHED, NOT_RIGID = 1, 3, 4, -1
 #: Of the way from braking to what the arm would do, tried until nothing is too near.
 PARTS = (1.0, 0.5, 0.2, 0.05)
 
@@ -99,6 +102,11 @@ def run_tick(work: RunWork) -> int:
     """Go on with a tick from its stage; for one of `LINEARISE`, returns how many pairs of shapes are too near."""
     tick, counts = work.tick, work.tick.counts
     stage = counts[STAGE]
+    if counts[POSED] == IF_RIGID and not is_rigid(tick.pose):
+        return NOT_RIGID
+    if counts[POSED] > 0:
+        take_pose(tick.tasks, tick.pose)
+    counts[POSED] = 0
     if stage == LINEARISE:
         take_near(tick, work.reach, 0)
         return linearise_tick(tick)

@@ -32,6 +32,8 @@ FAR = 100.0
 ALIGNED = 1e-12
 #: Below this cosine the axis of a rotation is read from its symmetric part.
 OBTUSE = -0.5
+#: A pose that misses a rigid one by less is taken as it is.
+NEARLY_RIGID = 1e-9
 
 
 class JointFrames(NamedTuple):
@@ -53,6 +55,25 @@ class TaskRows(NamedTuple):
 def make_task_rows(dof: int = 0, tasks: int = 0) -> TaskRows:
     """Fresh arrays."""
     return TaskRows(np.zeros((tasks, TASK_INTEGERS), np.int64), np.zeros((tasks, TASK_NUMBERS)), np.zeros(tasks * dof))
+
+
+def is_rigid(pose: Array) -> bool:
+    """Whether a pose (4, 4) is finite, right-handed and orthonormal."""
+    x = (pose[0, 0], pose[0, 1], pose[0, 2])
+    y = (pose[1, 0], pose[1, 1], pose[1, 2])
+    p = (pose[0, 3], pose[1, 3], pose[2, 3])
+    first, second, both = dot(x, x) - 1.0, dot(y, y) - 1.0, dot(x, y)
+    third = minus(cross(x, y), (pose[2, 0], pose[2, 1], pose[2, 2]))
+    misfit = first * first + second * second + both * both + dot(third, third)
+    last = pose[3, 0] == 0.0 and pose[3, 1] == 0.0 and pose[3, 2] == 0.0 and pose[3, 3] == 1.0
+    return bool(last and misfit < NEARLY_RIGID * NEARLY_RIGID and dot(p, p) < math.inf)
+
+
+def take_pose(tasks: TaskRows, pose: Array) -> None:
+    """Take a pose (4, 4) as the target of the first task."""
+    for i in range(3):
+        for j in range(4):
+            tasks.numbers[0, GOAL + 4 * i + j] = pose[i, j]
 
 
 def place_joints(arm: JointFrames, q: Array) -> None:

@@ -68,9 +68,11 @@ REFINED, GOES, SINGULAR = range(7, 10)
 #: apart; whether every joint may stop within a tick; whether the arm can stop clear of everything, before the tick, and
 #: filled for after it. Filled: whether bounds took something from the displacement; whether every step made the error
 #: grow; whether shapes are moved apart; parts of it that were tried, and the one from which the arm keeps farthest away
-#: without being able to stop. Whether it is known where the tick before was to lead.
-STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, AIMED = range(10, 21)
-TICK_COUNTS = 21
+#: without being able to stop. Whether it is known where the tick before was to lead; whether the target is to be taken
+#: from `pose`: as it is, or if it is rigid.
+STAGE, IN_PARTS, GUARDED, STOPS_AT_ONCE, CAN_STOP, SLOWED, GREW, APART, TRIED, BEST, AIMED, POSED = range(10, 22)
+TICK_COUNTS = 22
+AS_IT_IS, IF_RIGID = 1, 2
 #: Of the numbers: control step [s]; error that is not worth while to be made smaller [m]; tolerances [m], [rad].
 #: Filled: squared error, damping, how far that part keeps away [m]; and after the tick the largest distance [m] and
 #: angle [rad] of the first tasks, the fastest joint's velocity [rad/s], and how far joints are past their limits [rad].
@@ -84,12 +86,13 @@ SOLVED, GROWS, NEEDS_QP = range(3)
 class TickWork(NamedTuple):
     """What a call reads and writes."""
 
-    counts: NDArray[np.int64]  # (21,)
+    counts: NDArray[np.int64]  # (22,)
     numbers: Array  # (12,)
     arm: JointFrames
     limits: Array  # (dof, 8)
     q: Array  # (dof,) where the arm is [rad]
     v: Array  # (dof,) its velocity over the last tick [rad/s]
+    pose: Array  # (4, 4) that the only task is for
     tasks: TaskRows
     before: TaskRows  # of the tick before
     moved_before: Array  # (rows,) by how much the targets moved the error in the tick before
@@ -127,6 +130,7 @@ def make_tick_work(dof: int = 0, tasks: int = 0, pairs: int = 0, clouds: int = 0
         np.zeros((dof, LIMIT_NUMBERS)),
         np.zeros(dof),
         np.zeros(dof),
+        np.eye(4),
         make_task_rows(dof, tasks),
         make_task_rows(dof, tasks),
         np.zeros(rows),

@@ -7,7 +7,6 @@ nearer.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,25 +81,21 @@ class Contacts(NamedTuple):
 NO_CONTACTS = Contacts({}, {}, {})
 
 
-@dataclass(frozen=True, slots=True)
-class Distances:
-    """Distances at one configuration.
-
-    Attributes:
-        bound: (pairs,) each pair is at least this far apart [m].
-        near: (near,) numbers of the pairs that were measured and are in the watched range.
-        numbers: (near, 10) how they are, see `jacokin.kernels.tracking.near`.
-        least: smallest distance [m], inf for none: measured when it is in the watched range, a lower bound when larger.
-        contacts: what is in contact.
-        measured: False where there was no time to measure: then nothing is in `near`, and `bound` still holds.
-    """
+class Distances(NamedTuple):
+    """Distances at one configuration."""
 
     bound: Array
+    """(pairs,) each pair is at least this far apart [m]."""
     near: NDArray[np.int64]
+    """(near,) numbers of the pairs that were measured and are in the watched range."""
     numbers: Array
+    """(near, 10) how they are, see `jacokin.kernels.tracking.near`."""
     least: float
+    """Smallest distance [m], inf for none: measured when it is in the watched range, a lower bound when larger."""
     contacts: Contacts
+    """What is in contact."""
     measured: bool = True
+    """False where there was no time to measure: then nothing is in `near`, and `bound` still holds."""
 
     @property
     def distance(self) -> Array:
@@ -220,7 +215,7 @@ class ClearanceGuard:
     def start(self, q: Array, kept: Mapping[int, float] = NO_CONTACTS.kept) -> Distances:
         """Distances at a configuration (dof,) [rad] nothing is known about, but maybe pairs that no motion parts."""
         found = self._measure(q, np.full(len(self._first), -np.inf), NO_CONTACTS, beyond=np.inf)
-        return self._judged(replace(found, contacts=NO_CONTACTS._replace(kept=kept)), None)
+        return self._judged(found._replace(contacts=NO_CONTACTS._replace(kept=kept)), None)
 
     def move(self, q: Array, before: Distances, step: Array) -> Distances:
         """Distances at `q` (dof,) [rad], a displacement (dof,) [rad] away from where `before` was taken."""
@@ -299,7 +294,7 @@ class ClearanceGuard:
         kept.update((pair, near[pair] - NEARER) for pair in self._staying(fresh))
         self._held = None
         parting = now.contacts.parting if before is None else NO_CONTACTS.parting  # waited for anew where it moves
-        return replace(now, contacts=now.contacts._replace(kept=kept, parting=parting))
+        return now._replace(contacts=now.contacts._replace(kept=kept, parting=parting))
 
     def _waited(self, now: Distances, kept: dict[int, float]) -> dict[int, Parting]:
         """How what is too near moves apart; where that has come to its end, it is added to what is kept."""
@@ -401,13 +396,15 @@ class ClearanceGuard:
 
     def limiting(self, now: Distances, apart: Iterable[int]) -> list[str]:
         """Names of the pairs at the distance or nearer, and of those by their numbers that are moved apart."""
-        near = now.near[now.distance < now.numbers[:, KEPT] + 2.0 * BUFFER].tolist()
+        near: list[int] = []
+        if now.least < self._largest + 2.0 * BUFFER or now.contacts.kept:
+            near = now.near[now.distance < now.numbers[:, KEPT] + 2.0 * BUFFER].tolist()
         return [self.name(pair) for pair in dict.fromkeys((*near, *apart))]
 
     def staying(self, now: Distances) -> str:
         """Which pairs no motion parts, to end a sentence; "" for none."""
-        names = ", ".join(map(self.name, now.contacts.kept))
-        return f"; no motion parts {names}" if names else ""
+        kept = now.contacts.kept
+        return f"; no motion parts {', '.join(map(self.name, kept))}" if kept else ""
 
 
 def _about(distance: float) -> float:

@@ -6,6 +6,9 @@ but position and velocity.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import numpy as np
 
 from jacokin.arrays import Array
@@ -79,17 +82,9 @@ class JointLimits:
         """Displacement (dof,) [rad] of a tick of braking after velocities `v` (dof,) [rad/s]."""
         return np.asarray(np.copysign(np.maximum(np.abs(v) * self._dt - self.change, 0.0), v))
 
-    def names(self, reached: list[int]) -> list[str]:
+    def names(self, reached: Sequence[int]) -> tuple[str, ...]:
         """Which limits joints run into, by the kernels' numbers of them."""
-        found = []
-        for name, number in zip(self._robot.joint_names, reached, strict=True):
-            if number % AT_ACCELERATION:
-                found.append(f"{name} {WORDS[number % AT_ACCELERATION]}")
-        return found + [
-            f"{name} acceleration"
-            for name, number in zip(self._robot.joint_names, reached, strict=True)
-            if number >= AT_ACCELERATION
-        ]
+        return _limit_names(self._robot.joint_names, tuple(reached))
 
     def outside(self, q: Array) -> str:
         """Which joints are past their limits at `q` (dof,) [rad], to end a sentence; "" for none, and for rounding."""
@@ -99,3 +94,11 @@ class JointLimits:
             for j, name in enumerate(self._robot.joint_names)
             if past[j] > LIMIT_SNAP
         )
+
+
+@lru_cache(maxsize=1024)  # ticks in a row run into the same
+def _limit_names(joints: tuple[str, ...], reached: tuple[int, ...]) -> tuple[str, ...]:
+    """Which limits joints of these names run into."""
+    each = list(zip(joints, reached, strict=True))
+    found = [f"{name} {WORDS[number % AT_ACCELERATION]}" for name, number in each if number % AT_ACCELERATION]
+    return (*found, *(f"{name} acceleration" for name, number in each if number >= AT_ACCELERATION))

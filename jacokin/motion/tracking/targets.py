@@ -30,7 +30,6 @@ from jacokin.kernels.tracking.tasks import (
     POSE,
     POSITION,
     REGION,
-    TASK_NUMBERS,
     TURN_WEIGHT,
     WEIGHT,
     TaskRows,
@@ -41,7 +40,6 @@ from jacokin.model.contact_arrays import joints_about_z
 from jacokin.model.kinematics import about_z
 from jacokin.model.robot import Robot
 
-RIGID = 1e-9  # a pose this near to rigid is used as it is; others are checked and made rigid
 IN_BASE = pin.LOCAL_WORLD_ALIGNED  # at the frame's origin, axes of the base
 
 
@@ -233,6 +231,8 @@ class Tasks(NamedTuple):
     """How many of them are of the first priority."""
     priorities: tuple[int, ...] = ()
     """Of each; empty where all have one."""
+    pose: Array | None = None
+    """(4, 4) that the only one is for, not looked at yet; None where the rows say it."""
 
 
 class TaskFactory:
@@ -251,10 +251,7 @@ class TaskFactory:
         """Tasks for a target or several; errors as in `Tracker.step`."""
         matrix = target.homogeneous if isinstance(target, pin.SE3) else targets.pose_matrix(target)
         if matrix is not None:
-            entries = matrix.ravel()
-            if not _is_rigid(entries.tolist()):
-                entries = targets.checked_target(matrix).matrix.ravel()
-            return self._tool_at(entries)
+            return Tasks(self._tool, 1, 1, pose=matrix)  # the kernel finds out whether it is rigid
         if isinstance(target, TrackingTarget):
             return self._all([target])
         if isinstance(target, list | tuple) and any(isinstance(one, TrackingTarget) for one in target):
@@ -262,16 +259,10 @@ class TaskFactory:
         checked = targets.checked_target(target)  # refuses what is neither a pose nor a position
         if checked.position_only:
             return self._all([PositionTarget(checked.position)])
-        return self._tool_at(checked.matrix.ravel())
+        return Tasks(self._tool, 1, 1, pose=checked.matrix)
 
     def _rows(self, count: int) -> TaskRows:
         return make_task_rows(self._dof, count)
-
-    def _tool_at(self, entries: Array) -> Tasks:
-        """The tool at a pose (16,), row by row: what most ticks are asked for."""
-        numbers = self._tool.numbers.copy()
-        numbers[0, GOAL:] = entries[: TASK_NUMBERS - GOAL]
-        return Tasks(TaskRows(self._tool.integers, numbers, self._tool.joints), 1, 1)
 
     def _all(self, given: Sequence[TrackingTarget]) -> Tasks:
         """Tasks for targets."""
@@ -304,15 +295,6 @@ class TaskFactory:
         row.integers[LINK], row.integers[FRAME] = link, number
         row.numbers[WEIGHT], row.numbers[TURN_WEIGHT] = weight, weight * RADIAN_IN_METRES
         row.numbers[PLACEMENT:GOAL] = placement
-
-
-def _is_rigid(entries: list[float]) -> bool:
-    """Whether a pose (16,), row by row, is finite, right-handed and orthonormal to 1e-9; cheap, as every tick asks."""
-    a, b, c, x, d, e, f, y, g, h, i, z, s, t, u, one = entries
-    first, second, both = a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0, a * d + b * e + c * f
-    p, q, r = b * f - c * e - g, c * d - a * f - h, a * e - b * d - i
-    misfit = first * first + second * second + both * both + p * p + q * q + r * r
-    return misfit < RIGID * RIGID and x * x + y * y + z * z < 1e18 and one == 1.0 and s == t == u == 0.0
 
 
 class Kinematics:

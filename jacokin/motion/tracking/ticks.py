@@ -7,11 +7,10 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.ik.qp_backend import Backend, Inequalities
-from jacokin.ik.targets import RADIAN_IN_METRES
+from jacokin.ik.targets import RADIAN_IN_METRES, checked_target
 from jacokin.kernels.contact.shapes import CLOUD
 from jacokin.kernels.contact.shapes import KIND as SHAPE_KIND
 from jacokin.kernels.library import Call
@@ -20,17 +19,19 @@ from jacokin.kernels.tracking.run import (
     FROM_TWIST,
     LINEARISE,
     LOOK_AHEAD,
+    NOT_RIGID,
     ON_TARGET,
     REPORT,
     UNFINISHED,
     RunWork,
     run_tick,
 )
-from jacokin.kernels.tracking.tasks import KIND, rows_of
+from jacokin.kernels.tracking.tasks import KIND, POSE, TASK_NUMBERS, TaskRows, rows_of
 from jacokin.kernels.tracking.tick import (
     AIMED,
     ANGLE,
     APART,
+    AS_IT_IS,
     CAN_STOP,
     DAMPED,
     DISTANCE,
@@ -39,6 +40,7 @@ from jacokin.kernels.tracking.tick import (
     GOES,
     GREW,
     GUARDED,
+    IF_RIGID,
     IN_PARTS,
     MOVED,
     MOVED_BEFORE,
@@ -46,6 +48,7 @@ from jacokin.kernels.tracking.tick import (
     NEEDS_QP,
     NEGLIGIBLE,
     PAST,
+    POSED,
     REFINED,
     ROWS,
     SINGULAR,
@@ -59,10 +62,10 @@ from jacokin.kernels.tracking.tick import (
     make_tick_work,
 )
 from jacokin.kernels.tracking.twist import make_twist_work
-from jacokin.model import checks
 from jacokin.motion.tracking.joint_limits import JointLimits
 from jacokin.motion.tracking.targets import Kinematics, Tasks
 
+ROWS_OF_POSE = rows_of(POSE, 0)
 FAR = 1e6  # [rad] no bound for a joint without limits
 
 
@@ -81,11 +84,12 @@ class Asked(NamedTuple):
     """What a tick was asked for, for the next one to look back at."""
 
     tasks: Tasks
-    moved: Array | None
-    """(rows,) by how much its targets moved the error, weighted; None for not at all."""
-    aim: Array | None
-    """(2 dof,) where it was to lead in all [rad], and how far the joints found that to come towards them, relative to
-    how far they go; None if that is not known."""
+    said: Array
+    """What the kernel said of it, see `said_parts`; read-only."""
+    has_moved: bool
+    """Whether its targets moved the error."""
+    is_aimed: bool
+    """Whether it is known where it was to lead."""
 
 
 class Report(NamedTuple):
@@ -116,6 +120,21 @@ class Report(NamedTuple):
     """Whether every step made the error grow, so that there is none."""
     apart: bool
     """Whether shapes are moved apart."""
+    asked: Asked | None
+    """What it was asked for, for the next tick to look back at; None for nothing that it could."""
+
+
+def said_parts(said: Array, dof: int) -> list[Array]:
+    """The parts of what the kernel says, which lie in one array to be kept at once.
+
+    Returns:
+        (3 dof,) where the arm is [rad], its velocity [rad/s] and acceleration [rad/s^2]; (2 dof,) where the tick was to
+        lead in all [rad], and how far the joints found that to come towards them, relative to how far they go; (rows,)
+        by how much its targets moved the error, weighted; (tasks TASK_NUMBERS,) the numbers of its tasks.
+    """
+    rows = max(dof, ROWS_OF_POSE)
+    tasks = (said.size - 5 * dof) // (rows + TASK_NUMBERS)
+    return np.split(said, [3 * dof, 5 * dof, 5 * dof + tasks * rows])
 
 
 class TickSolver:
@@ -146,6 +165,7 @@ class TickSolver:
             **self.__dict__,
             "_work": None,
             "_run": None,
+            "_said": None,
             "_reach": None,
             "_kept": None,
             "_given": None,
@@ -163,12 +183,16 @@ class TickSolver:
         if reach is not None:
             kinds = reach.geometry.shapes.integers[reach.pairs.integers[:, SECOND], SHAPE_KIND]
             number, clouds = len(kinds), int((kinds == CLOUD).sum())
+        said = np.zeros(5 * self._dof + tasks * (max(self._dof, ROWS_OF_POSE) + TASK_NUMBERS))
+        after, aim, moved, numbers = said_parts(said, self._dof)
         work = make_tick_work(self._dof, tasks, number, clouds)
+        rows = work.tasks._replace(numbers=numbers.reshape(tasks, TASK_NUMBERS))
+        work = work._replace(after=after, aim=aim, moved=moved, tasks=rows)
         placements, kinds = self._joints
         work.arm.placements[:], work.arm.kinds[:] = placements, kinds
         work.limits[:] = self._limits.table
-        for number, value in self._constants.items():
-            work.numbers[number] = value
+        for column, value in self._constants.items():
+            work.numbers[column] = value
         work.counts[GUARDED], work.counts[STOPS_AT_ONCE] = reach is not None, self._limits.stops_at_once
         if reach is not None:
             for pairs in (work.near, work.there):
@@ -176,10 +200,10 @@ class TickSolver:
         twist = make_twist_work(self._dof)
         run = Call(run_tick, RunWork(work, make_reach_work() if reach is None else reach, twist))
         kept: Tasks | None = None  # those that the kernel knows as the ones of the tick before
-        given: NDArray[np.int64] | None = None  # of the tasks whose kinds are there
+        given: TaskRows | None = None  # of the tasks that are there
         # All at once: an interrupt leaves the old arrays or the new ones.
-        self._room, self._reach, self._work, self._run, self._kept, self._given = tasks, reach, work, run, kept, given
-        self.twist = twist
+        self._room, self._reach, self._work, self._said, self._run = tasks, reach, work, said, run
+        self.twist, self._kept, self._given = twist, kept, given
 
     def among(self, reach: ReachWork | None) -> None:
         """Say what keeps shapes apart, and has measured how near they are; None for nothing."""
@@ -193,20 +217,35 @@ class TickSolver:
             self._make_room(count, self._reach)
         work = self._work
         work.q[...], work.v[...] = arm
-        if rows.integers is not self._given:
+        if rows is not self._given:
             self._given = None  # until it is done
             work.counts[TASKS], work.counts[FIRST_TASKS] = count, tasks.first
-            work.tasks.integers[:count] = rows.integers
+            work.tasks.integers[:count], work.tasks.numbers[:count] = rows.integers, rows.numbers
             work.tasks.joints[: rows.joints.size] = rows.joints
-            self._given = rows.integers
-        work.tasks.numbers[:count] = rows.numbers
+            self._given = rows
+        work.counts[POSED] = 0
+        if tasks.pose is not None:
+            work.pose[...], work.counts[POSED] = tasks.pose, IF_RIGID
+
+    def _start(self) -> int:
+        """Run the kernel on what was taken; returns what `run_tick` does.
+
+        Raises:
+            InvalidInputError: the pose is malformed.
+        """
+        outcome = self._run()
+        if outcome == NOT_RIGID:
+            work = self._work
+            work.pose[...], work.counts[POSED] = checked_target(work.pose.copy()).matrix, AS_IT_IS
+            outcome = self._run()
+        return outcome
 
     def linearise(self, arm: JointState, tasks: Tasks) -> bool:
         """Fill bounds and inequalities at a configuration; whether shapes are to be moved apart first."""
         self._take(arm, tasks)
         self._kept = None
         self._work.counts[STAGE] = LINEARISE
-        return self._run() > 0
+        return self._start() > 0
 
     def ask(self, arm: JointState, tasks: Tasks, before: Asked | None, *, refined: bool) -> None:
         """Take what a tick starts from.
@@ -224,17 +263,14 @@ class TickSolver:
         if before is None or before.tasks.first != tasks.first:
             counts[TASKS_BEFORE] = counts[MOVED_BEFORE] = counts[AIMED] = 0
             return
-        known, moved, aim = before
-        first = known.first
-        counts[TASKS_BEFORE], counts[MOVED_BEFORE], counts[AIMED] = first, moved is not None, aim is not None
+        known, said, counts[MOVED_BEFORE], counts[AIMED] = before
+        first = counts[TASKS_BEFORE] = known.first
         if known is not self._kept:
+            _, work.aim[:], moved, numbers = said_parts(said, self._dof)
+            work.moved_before[: moved.size] = moved
             work.before.integers[:first] = known.rows.integers[:first]
-            work.before.numbers[:first] = known.rows.numbers[:first]
+            work.before.numbers[:first] = numbers.reshape(-1, TASK_NUMBERS)[:first]
             work.before.joints[: first * self._dof] = known.rows.joints[: first * self._dof]
-            if moved is not None:
-                work.moved_before[: moved.size] = moved
-            if aim is not None:
-                work.aim[:] = aim
 
     def go(self, stage: int, deadline: float, *, can_stop: bool) -> int:
         """Go on with a tick from a stage; returns what `run_tick` does.
@@ -252,7 +288,7 @@ class TickSolver:
         if stage == FROM_TWIST:
             counts[GOES], counts[SINGULAR] = 1, 0
         self._kept = None
-        outcome = self._run()
+        outcome = self._start()
         while outcome >= NEEDS_QP and time.perf_counter() <= deadline:
             if outcome != UNFINISHED:
                 return outcome
@@ -287,17 +323,18 @@ class TickSolver:
         work.after[: self._dof] = q
         counts = work.counts
         counts[STAGE], counts[SINGULAR], counts[GOES], counts[SLOWED] = REPORT, 0, goes, 0
-        return self.report(self._run(), None)
+        return self.report(self._start(), None)
 
     def report(self, outcome: int, tasks: Tasks | None) -> Report:
         """What a tick has come to that ended with an outcome; the next one may look back at `tasks`."""
         work, dof = self._work, self._dof
         self._kept = tasks
-        after, counts, numbers = checks.sealed(work.after.copy()), work.counts.tolist(), work.numbers.tolist()
+        # Arrays on bytes are read-only.
+        said, counts, numbers = np.frombuffer(self._said.tobytes()), work.counts.tolist(), work.numbers.tolist()
         on_target = outcome == ON_TARGET
         return Report(
-            JointState(after[:dof], after[dof : 2 * dof]),
-            after[2 * dof :],
+            JointState(said[:dof], said[dof : 2 * dof]),
+            said[2 * dof : 3 * dof],
             numbers[DISTANCE],
             numbers[ANGLE],
             math.hypot(numbers[DISTANCE], RADIAN_IN_METRES * numbers[ANGLE]),
@@ -309,6 +346,7 @@ class TickSolver:
             counts[SLOWED] == 1,
             counts[GREW] == 1,
             counts[APART] == 1,
+            None if tasks is None else Asked(tasks, said, counts[MOVED] == 1, counts[AIMED] == 1),
         )
 
     @property
@@ -317,9 +355,9 @@ class TickSolver:
         return self._work.step
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Least and largest displacement (dof,) [rad] of the tick; they change with the next."""
-        return self._work.bounds[: self._dof], self._work.bounds[self._dof :]
+    def velocity(self) -> Array:
+        """(dof,) of the arm over the tick [rad/s]; it changes with the next."""
+        return self._work.after[self._dof : 2 * self._dof]
 
     @property
     def room(self) -> tuple[Array, Array]:
@@ -350,12 +388,6 @@ class TickSolver:
     def damping(self) -> float:
         """How much of the Hessian is damping."""
         return float(self._work.numbers[DAMPED])
-
-    def asked(self, tasks: Tasks, *, solved: bool) -> Asked:
-        """What this tick was asked for; without where that leads if it was not solved."""
-        work, counts = self._work, self._work.counts
-        moved = work.moved[: counts[ROWS]].copy() if counts[MOVED] else None
-        return Asked(tasks, moved, work.aim.copy() if solved and counts[AIMED] else None)
 
     @property
     def apart(self) -> list[int]:

@@ -28,7 +28,7 @@ from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.ik.seeds import checked_start
 from jacokin.kernels.tolerances import LIMIT_SNAP
 from jacokin.kernels.tracking.run import FROM_STEP, FROM_TOTAL, FROM_TWIST, ON_TARGET, WHOLE
-from jacokin.kernels.tracking.tick import NEEDS_QP
+from jacokin.kernels.tracking.tick import NEEDS_QP, SOLVED
 from jacokin.model import checks, poses
 from jacokin.model.robot import (
     Robot,
@@ -54,7 +54,6 @@ from jacokin.motion.tracking.steps import (
 from jacokin.motion.tracking.targets import IN_BASE, Kinematics, TaskFactory, Tasks, TrackingTarget
 from jacokin.motion.tracking.ticks import Asked, JointState, OutOfTime, Report, TickSolver
 from jacokin.motion.tracking.twist import (
-    FOLLOWED,
     TwistFollower,
     TwistLine,
     TwistStep,
@@ -101,23 +100,16 @@ class TrackerState(NamedTuple):
     """Where twists have led; None after a target."""
 
 
-class _Tick(NamedTuple):
-    """How a tick went, beside what its report says."""
+class Places(NamedTuple):
+    """Where obstacles are at the end of a tick."""
 
-    began: float
-    """When, by `time.perf_counter` [s]."""
-    excused: bool = True
-    """Whether the error may grow."""
-    asked: Asked | None = None
-    """What it was asked for, if the next one is to look back at it."""
-    held: str = ""
-    """Why the arm stands, if it does."""
-    apart: Sequence[int] = ()
-    """Numbers of the pairs of shapes that move apart."""
-    along: TwistStep | None = None
-    """The step along a twist; None for other targets."""
-    late: bool = False
-    """Whether the time budget ran out."""
+    where: Whereabouts | None
+    """None when no shapes are kept apart."""
+    shift: Array | None
+    """(k,) how far they moved since distances were measured, at most [m]; None for not."""
+
+
+NOWHERE = Places(None, None)
 
 
 class Tracker:
@@ -388,7 +380,7 @@ class Tracker:
         began, state, tasks = time.perf_counter(), self._state, self._targets.tasks(target)
         self._qp.reset()
         found = self._ticks.measure(state.arm.q, state.arm, tasks, goes=False)
-        return self._end(state, found, state.distances, _Tick(began, excused=False))[1]
+        return self._end(state, found, state.distances, began, excused=False)[1]
 
     def __repr__(self) -> str:
         """Robot, frame and control step."""
@@ -430,10 +422,9 @@ class Tracker:
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets: the state after it."""
         self._qp.reset()
-        places = self._move_obstacles(state)
-        state = self._see(state, places)
+        state, places, contacts = self._look(state)
         try:
-            return self._solve(state, tasks, began, deadline)
+            return self._solve(state, contacts, tasks, began, deadline)
         except OutOfTime:
             return self._brake(state, places, tasks, began)
 
@@ -443,7 +434,7 @@ class Tracker:
         """A tick along a twist: the state after it."""
         kinematics = self._kinematics
         kinematics.move_to(state.arm.q)
-        tool = kinematics.pose(kinematics.tool).copy()
+        tool = kinematics.pose(kinematics.tool).homogeneous
         line = state.line
         if line is None:
             velocity = kinematics.jacobian(kinematics.tool, IN_BASE).dot(state.arm.v)
@@ -454,62 +445,52 @@ class Tracker:
         wanted = in_base_axes(twist, reference, line.pose)
         goal = self._targets.tasks(moved(line.pose, wanted, self.dt))
         self._qp.reset()
-        places = self._move_obstacles(state)
+        state, places, contacts = self._look(state)
         try:
-            state = self._see(state, places)
-            contacts = self._among(state)
             if self._ticks.linearise(state.arm, goal):  # shapes are moved apart first
-                after, step = self._solve(state, goal, began, deadline)
+                after, step = self._solve(state, contacts, goal, began, deadline)
                 return after._replace(asked=None, line=None), step
             self._twists.ask(line, off, wanted, state.arm.q, self._wish(state.arm.q))
-            outcome = self._ticks.go(FROM_TWIST, deadline, can_stop=state.can_stop)
+            self._ticks.go(FROM_TWIST, deadline, can_stop=state.can_stop)
         except OutOfTime:
             return self._brake(state, places, goal, began)
-        found = self._ticks.report(outcome, None)
         along = self._twists.found(line)
-        followed = along.part >= FOLLOWED and self._twists.lag(found.arm.v) <= 1.0 - FOLLOWED
-        found = found._replace(on_target=followed)
-        return self._end(state, found, self._found(state, contacts), _Tick(began, along=along))
+        found = self._ticks.report(ON_TARGET if along.is_followed else SOLVED, None)
+        return self._end(state, found, self._found(state, contacts), began, along=along)
 
-    def _move_obstacles(self, state: TrackerState) -> tuple[Whereabouts | None, Array | None]:
-        """Put the obstacles where they are at the end of the tick; with how far they moved (k,) [m], None for not."""
+    def _look(self, state: TrackerState) -> tuple[TrackerState, Places, Contacts]:
+        """Have the kernel know what is near at the end of the tick; with the state there, and what is in contact.
+
+        Distances are measured anew where obstacles moved or there was no time for it.
+        """
+        guard, distances = state.guard, state.distances
+        if guard is None or distances is None:
+            self._ticks.among(None)
+            return state, NOWHERE, NO_CONTACTS
+        where, shift = places = self._move_obstacles(state)
+        if shift is not None or not distances.measured:
+            distances = guard.refresh(state.arm.q, distances, shift)
+        if where is not state.where or distances is not state.distances:
+            state = state._replace(distances=distances, where=where)
+        self._ticks.among(guard.work)
+        return state, places, guard.take(distances)
+
+    def _move_obstacles(self, state: TrackerState) -> Places:
+        """Put the obstacles where they are at the end of the tick."""
         guard = state.guard
         if guard is None or state.where is None:
-            return None, None
+            return NOWHERE
         before = self._state.where if self._state.guard is guard else state.where
         assert before is not None
         where = state.where.after(self.dt)
         guard.put(where)
-        return where, None if where.poses is before.poses else guard.shapes.travel(before, where)
-
-    def _see(self, state: TrackerState, moved: tuple[Whereabouts | None, Array | None]) -> TrackerState:
-        """The state with distances to the obstacles where they are at the end of the tick.
-
-        They are measured anew where obstacles moved or there was no time for it.
-        """
-        (where, shift), guard, distances = moved, state.guard, state.distances
-        if guard is None or distances is None:
-            return state
-        if shift is not None or not distances.measured:
-            distances = guard.refresh(state.arm.q, distances, shift)
-        elif where is state.where:
-            return state
-        return state._replace(distances=distances, where=where)
-
-    def _among(self, state: TrackerState) -> Contacts:
-        """Have the kernel know what keeps shapes apart, and what is near; returns what is in contact."""
-        guard, distances = state.guard, state.distances
-        if guard is None or distances is None:
-            self._ticks.among(None)
-            return NO_CONTACTS
-        self._ticks.among(guard.work)
-        return guard.take(distances)
+        return Places(where, None if where.poses is before.poses else guard.shapes.travel(before, where))
 
     def _solve(
-        self, state: TrackerState, tasks: Tasks, began: float, deadline: float
+        self, state: TrackerState, contacts: Contacts, tasks: Tasks, began: float, deadline: float
     ) -> tuple[TrackerState, TrackerStep]:
         """A tick towards targets whose distances are known."""
-        ticks, held, contacts = self._ticks, "", self._among(state)
+        ticks, held = self._ticks, ""
         wish = self._wish(state.arm.q) if self._objectives else None
         ticks.ask(state.arm, tasks, state.asked, refined=wish is not None)
         outcome = ticks.go(WHOLE, deadline, can_stop=state.can_stop)
@@ -527,15 +508,17 @@ class Tracker:
                     later.append(Level(np.eye(self.robot.dof), wish, ends_there=False))
                 ticks.step[:] = refine(ticks.step.copy(), ticks, later, self._limits, self._qp)
             outcome = ticks.go(stage, deadline, can_stop=state.can_stop)
-        found, asked, apart = ticks.report(outcome, tasks), ticks.asked(tasks, solved=not held), ()
+        found, apart = ticks.report(outcome, tasks), ()
         if found.apart and state.distances is not None:
             apart = state.distances.near[ticks.apart].tolist()
-        if found.grew and not held:
+        if held and found.asked is not None:
+            found = found._replace(asked=found.asked._replace(is_aimed=False))
+        elif found.grew:
             held = "every step makes the error grow"
         # Shapes moving apart, or joints still gathering speed, may take the tool away from its target for a while.
         excused = bool(apart) or found.is_slowed
-        tick = _Tick(began, excused, asked, held, apart)
-        return self._end(state, found, self._found(state, contacts), tick)
+        distances = self._found(state, contacts)
+        return self._end(state, found, distances, began, excused=excused, held=held, apart=apart)
 
     def _wish(self, q: Array) -> Array | None:
         """The displacement (dof,) [rad] that the objectives want in a tick at `q` (dof,) [rad]; None without any."""
@@ -546,7 +529,7 @@ class Tracker:
     def _brake(
         self,
         state: TrackerState,
-        moved: tuple[Whereabouts | None, Array | None] | None,
+        moved: Places | None,
         tasks: Tasks,
         began: float,
     ) -> tuple[TrackerState, TrackerStep]:
@@ -562,18 +545,39 @@ class Tracker:
         found = self._ticks.measure(q, arm, tasks, goes=True)._replace(can_stop=can_stop)
         if not tasks.number:
             found = found._replace(on_target=found.fastest < STILL)
-        return self._end(state._replace(where=where), found, distances, _Tick(began, late=late))
+        return self._end(state._replace(where=where), found, distances, began, late=late)
 
     def _found(self, state: TrackerState, contacts: Contacts) -> Distances | None:
         """The distances where the kernel has moved the arm to; None where nothing is kept apart."""
         return None if state.guard is None or state.distances is None else state.guard.found(contacts)
 
     def _end(
-        self, before: TrackerState, found: Report, distances: Distances | None, tick: _Tick
+        self,
+        before: TrackerState,
+        found: Report,
+        distances: Distances | None,
+        began: float,
+        *,
+        excused: bool = True,
+        held: str = "",
+        apart: Sequence[int] = (),
+        along: TwistStep | None = None,
+        late: bool = False,
     ) -> tuple[TrackerState, TrackerStep]:
-        """The state after a tick, and what is said about it."""
-        began, excused, asked, _, apart, along, late = tick
-        arm, a, position, orientation, error, fastest, past, on_target, singular, can_stop, *_ = found
+        """The state after a tick, and what is said about it.
+
+        Args:
+            before: the state that it started from.
+            found: what it has come to.
+            distances: there; None where nothing is kept apart.
+            began: when, by `time.perf_counter` [s].
+            excused: whether the error may grow.
+            held: why the arm stands, if it does.
+            apart: numbers of the pairs of shapes that move apart.
+            along: the step along a twist; None for other targets.
+            late: whether the time budget ran out.
+        """
+        arm, a, position, orientation, error, fastest, past, on_target, singular, can_stop, _, _, _, asked = found
         guard, growing = before.guard, 0
         if not (excused or on_target) and error > before.error + GROWTH:
             growing = before.growing + 1
@@ -583,16 +587,24 @@ class Tracker:
         )
         status, limiting, message = TrackerStatus.OK, NOTHING_LIMITS, ""
         if late or not on_target:
-            names = [TIME_BUDGET] if late else []
-            names += self._limits.names(self._ticks.reached)
+            limiting = self._limits.names(self._ticks.reached)
+            if late:
+                limiting = (TIME_BUDGET, *limiting)
             if guard is not None and distances is not None:
-                names.extend(guard.limiting(distances, apart))
-            if along is not None and along.cause:
-                names.append(along.cause)
+                limiting += tuple(guard.limiting(distances, apart))
+            if along is not None and along.cause and along.cause not in limiting:
+                limiting += (along.cause,)
             if singular:
-                names.append(SINGULAR_POSE)
-            limiting = tuple(dict.fromkeys(names))
-            status, message = self._why(growing, fastest, limiting, tick)
+                limiting += (SINGULAR_POSE,)
+            if late:
+                status, message = TrackerStatus.LATE, "the time budget ran out, so the arm brakes"
+            elif growing * self.dt >= GROWTH_TIME:
+                status, message = TrackerStatus.LOST, f"the error has grown for {growing * self.dt:.2f} s"
+            elif fastest < STILL:
+                status, message = TrackerStatus.HELD, held or "the arm has come as near as it can"
+            else:
+                status = TrackerStatus.LIMITED
+                message = f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"
         if past > LIMIT_SNAP:
             message += self._limits.outside(arm.q)
         if guard is not None and distances is not None:
@@ -603,13 +615,3 @@ class Tracker:
             arm.q, arm.v, status, position, orientation, limiting, least, used, message.removeprefix("; "), elapsed
         )
         return after, step
-
-    def _why(self, growing: int, fastest: float, limiting: Sequence[str], tick: _Tick) -> tuple[TrackerStatus, str]:
-        """Status and sentence of a tick that is off target."""
-        if tick.late:
-            return TrackerStatus.LATE, "the time budget ran out, so the arm brakes"
-        if growing * self.dt >= GROWTH_TIME:
-            return TrackerStatus.LOST, f"the error has grown for {growing * self.dt:.2f} s"
-        if fastest < STILL:
-            return TrackerStatus.HELD, tick.held or "the arm has come as near as it can"
-        return TrackerStatus.LIMITED, f"slowed by {', '.join(limiting) or 'damping near a singular pose'}"

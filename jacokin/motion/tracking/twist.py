@@ -47,8 +47,8 @@ WORDS = {
 class TwistLine(NamedTuple):
     """Where twists have led."""
 
-    pose: pin.SE3
-    """T_base_tool that was asked for, as far as the arm could follow."""
+    pose: Array
+    """(4, 4) T_base_tool that was asked for, as far as the arm could follow."""
     twist: Array
     """(6,) the twist that was followed over the last tick, at the tool in base axes [m/s, rad/s]."""
     damping: float = 0.0
@@ -62,14 +62,14 @@ class TwistStep(NamedTuple):
 
     line: TwistLine
     """After the tick."""
-    part: float
-    """Of the twist that can be followed."""
+    is_followed: bool
+    """Whether all of the twist is followed."""
     cause: str
     """What holds the arm back; "" for nothing."""
 
 
-def in_base_axes(twist: ArrayLike, reference: str, pose: pin.SE3) -> Array:
-    """A twist (6,) given in some reference as the one of the tool, at its pose, in base axes [m/s, rad/s].
+def in_base_axes(twist: ArrayLike, reference: str, pose: Array) -> Array:
+    """A twist (6,) given in some reference as the one of the tool, at its pose (4, 4), in base axes [m/s, rad/s].
 
     Raises:
         InvalidInputError: the twist is malformed.
@@ -78,27 +78,31 @@ def in_base_axes(twist: ArrayLike, reference: str, pose: pin.SE3) -> Array:
     checks.choice("reference", reference, REFERENCES)
     given = checks.vector("twist", twist, 6, "m/s, rad/s")
     if reference == "local":
-        return np.concatenate([pose.rotation @ given[:3], pose.rotation @ given[3:]])
+        return np.concatenate([pose[:3, :3] @ given[:3], pose[:3, :3] @ given[3:]])
     if reference == "world":
-        return np.concatenate([given[:3] + np.cross(given[3:], pose.translation), given[3:]])
+        return np.concatenate([given[:3] + np.cross(given[3:], pose[:3, 3]), given[3:]])
     return given
 
 
-def moved(pose: pin.SE3, twist: Array, dt: float) -> pin.SE3:
-    """A pose after `dt` [s] along a twist (6,) of its origin in base axes."""
-    way = dt * twist
-    return pin.SE3(pin.exp3(way[3:]).dot(pose.rotation), pose.translation + way[:3])
+def moved(pose: Array, twist: Array, dt: float) -> Array:
+    """A pose (4, 4) after `dt` [s] along a twist (6,) of its origin in base axes."""
+    way, after = dt * twist, pose.copy()
+    after[:3, :3] = pin.exp3(way[3:]).dot(pose[:3, :3])
+    after[:3, 3] += way[:3]
+    return after
 
 
-def missing(pose: pin.SE3, tool: pin.SE3) -> Array:
-    """(6,) from a tool to a pose, position [m] and rotation vector [rad] in base axes."""
-    turn = pin.log3(pose.rotation.dot(tool.rotation.T))
-    return np.concatenate([pose.translation - tool.translation, turn])
+def missing(pose: Array, tool: Array) -> Array:
+    """(6,) from a tool to a pose, both (4, 4), position [m] and rotation vector [rad] in base axes."""
+    off = np.empty(6)
+    off[:3], off[3:] = pose[:3, 3] - tool[:3, 3], pin.log3(pose[:3, :3].dot(tool[:3, :3].T))
+    return off
 
 
 def is_astray(way: Array) -> bool:
     """Whether a tool that misses its line by `way` (6,) has left it: then the line goes on from the tool."""
-    return _length(way[:3]) > ASTRAY[0] or _length(way[3:]) > ASTRAY[1]
+    x, y, z, a, b, c = way.tolist()
+    return math.hypot(x, y, z) > ASTRAY[0] or math.hypot(a, b, c) > ASTRAY[1]
 
 
 class TwistFollower:
@@ -136,13 +140,15 @@ class TwistFollower:
         followed = work.followed.copy()
         damping, part = float(work.damping[0]), float(work.part[0])
         after = moved(line.pose, followed - work.late / self._dt, self._dt)
-        return TwistStep(TwistLine(after, followed, damping, part), part, word)
+        is_followed = part >= FOLLOWED and self._lag() <= 1.0 - FOLLOWED
+        return TwistStep(TwistLine(after, followed, damping, part), is_followed, word)
 
-    def lag(self, v: Array) -> float:
-        """What velocities (dof,) [rad/s] leave of the twist that was asked for, as a part of it."""
+    def _lag(self) -> float:
+        """What the arm leaves of the twist that was asked for, as a part of it."""
         work = self._ticks.twist
-        left = _length(work.inverse.jacobian.reshape(6, -1).dot(v) * self._dt - work.wanted)
-        return left / max(_length(work.wanted), NOTHING * self._dt)
+        gone, wanted = work.inverse.jacobian.reshape(6, -1).dot(self._ticks.velocity) * self._dt, work.wanted.tolist()
+        left = math.dist(gone.tolist(), wanted)
+        return left / max(math.hypot(*wanted), NOTHING * self._dt)
 
     def _aside(self, wish: Array, q: Array) -> Array:
         """What of a wish (dof,) [rad] does not move the tool, nor lead to a limit or to what is near."""
@@ -154,8 +160,3 @@ class TwistFollower:
             closing = rows.dot(found)
             part = min(part, float((ends / np.maximum(closing, TINY)).min()))
         return np.asarray(part * found)
-
-
-def _length(x: Array) -> float:
-    """Of a vector."""
-    return math.hypot(*x.tolist())

@@ -16,6 +16,7 @@ from jacokin.kernels.tracking.tasks import (
     add_bend,
     fill_errors,
     fill_jacobian,
+    is_rigid,
     measure_task,
     place_joints,
 )
@@ -94,11 +95,11 @@ def test_distance_and_angle_are_those_of_pinocchio(robot: Robot, rng: np.random.
     for q in robot.sample(rng, 20):
         T, goal = robot.forward_kinematics(q) * TOOL, pin.SE3.Random()
         place_joints(arm, q)
-        distance, angle = measure_task(arm.frames, TaskFactory(kinematics).tasks(goal).rows, 0, q)
+        distance, angle = measure_task(arm.frames, TaskFactory(kinematics).tasks(PoseTarget(goal)).rows, 0, q)
         turn = pin.log3(goal.rotation @ T.rotation.T)
         assert distance == pytest.approx(np.linalg.norm(goal.translation - T.translation), abs=1e-12)
         assert angle == pytest.approx(np.linalg.norm(turn), abs=1e-7)
-        error = error_at(arm, TaskFactory(kinematics).tasks(goal).rows, q)
+        error = error_at(arm, TaskFactory(kinematics).tasks(PoseTarget(goal)).rows, q)
         np.testing.assert_allclose(error[:3], goal.translation - T.translation, atol=1e-12)
         np.testing.assert_allclose(error[3:6], 0.1 * turn, atol=1e-7)  # one radian counts as 0.1 m
 
@@ -111,6 +112,22 @@ def test_rotations_of_any_size_lead_to_the_target(robot: Robot, angle: float, rn
     for axis in [*np.eye(3), *rng.normal(size=(5, 3))]:
         unit = axis / np.linalg.norm(axis)
         goal = pin.SE3(pin.exp3(angle * unit) @ T.rotation, T.translation)
-        turn = error_at(arm, TaskFactory(kinematics).tasks(goal).rows, q)[3:6] / 0.1
+        turn = error_at(arm, TaskFactory(kinematics).tasks(PoseTarget(goal)).rows, q)[3:6] / 0.1
         np.testing.assert_allclose(pin.exp3(turn) @ T.rotation, goal.rotation, atol=1e-7)
         assert np.linalg.norm(turn) == pytest.approx(angle, abs=1e-9)
+
+
+def test_poses_are_rigid_to_a_billionth(rng: np.random.Generator) -> None:
+    for _ in range(50):
+        pose = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)).homogeneous
+        assert is_rigid(pose)
+        row, column = rng.integers(0, 3, 2)
+        for error, good in ((1e-11, True), (1e-7, False), (np.nan, False), (np.inf, False)):
+            other = pose.copy()
+            other[row, column] += error
+            assert is_rigid(other) is good, (row, column, error)
+        for place, value in (((row, 3), np.nan), ((row, 3), -np.inf), ((3, column), 1e-300), ((3, 3), 1.0 + 1e-15)):
+            other = pose.copy()
+            other[place] = value
+            assert not is_rigid(other)
+        assert not is_rigid(pose @ np.diag([1.0, 1.0, -1.0, 1.0]))

@@ -20,7 +20,8 @@ from jacokin.errors import InvalidInputError, UnknownNameError
 from jacokin.ik import Scene, Sphere, qp_backend
 from jacokin.ik.qp_backend import Backend, QPFailed
 from jacokin.kernels.library import Call
-from jacokin.motion import JointTarget, TrackerStatus
+from jacokin.model import poses
+from jacokin.motion import JointTarget, PositionTarget, TrackerStatus
 from tests.threads import run_in_threads
 
 DT = 0.01  # [s]
@@ -341,6 +342,36 @@ def test_an_array_that_is_no_pose_is_refused_by_name(
     for given in (matrix, matrix.tolist(), np.asfortranarray(matrix)):
         with pytest.raises(InvalidInputError, match=f"^{message}"):
             Tracker(robot).step(given)
+
+
+def test_a_pose_that_was_refused_is_forgotten(robot: Robot) -> None:
+    tracker, twin = Tracker(robot), Tracker(robot)
+    bad, place = np.diag([1.0, 1.0, 2.0, 1.0]), [PositionTarget([0.3, 0.3, 0.5])]
+    for budget in (None, 1e-9):  # in no time, too
+        with pytest.raises(InvalidInputError, match="not a rotation"):
+            tracker.step(bad, budget=budget)
+    for _ in range(3):
+        assert np.array_equal(tracker.step(place).q, twin.step(place).q)
+
+
+def test_a_pose_that_is_nearly_rigid_is_made_so(robot: Robot) -> None:
+    tracker, twin = Tracker(robot), Tracker(robot)
+    for pose in line(robot, 5):
+        matrix = pose.homogeneous.astype(np.float32).astype(np.float64)
+        step, other = tracker.step(matrix), twin.step(poses.checked_matrix("pose", matrix.copy()))
+        assert np.array_equal(step.q, other.q)
+        assert step.orientation_error == other.orientation_error
+
+
+def test_what_is_asked_between_ticks_changes_nothing(robot: Robot) -> None:
+    """A tick looks back at the one before, whatever the kernels were given since."""
+    tracker, twin = Tracker(robot), Tracker(robot)
+    several = [PositionTarget([0.3, 0.3, 0.5]), JointTarget(robot.home), PositionTarget([0.3, 0.2, 0.5])]
+    for pose in line(robot, 20):
+        assert np.array_equal(tracker.step(pose).q, twin.step(pose).q)
+        tracker.measure(several)
+        with pytest.raises(InvalidInputError, match="finite"):
+            tracker.step(np.full((4, 4), np.nan))
 
 
 def test_poses_are_followed_alike_however_they_are_given(robot: Robot) -> None:
