@@ -1,7 +1,7 @@
 """The least time from rest along a way whose corners are cut: its lines and parabolas, and how fast these are passed.
 
-See `motion.free_motion.sections` for what a course is, and `speeds` for how speeds are found. On lines and parabolas
-the limits of an interval are linear functions of its place, so those at both ends are all.
+See `motion.free_motion.timed_course` for what a course is, and `speeds` for how speeds are found. On lines and
+parabolas the limits of an interval are linear functions of its place, so those at both ends are all.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.free_motion.corners import STRAIGHT
 from jacokin.kernels.speeds import STILL, SpeedWork, fit_speeds, make_speed_work
 
+USED = 1.0 - 1e-9  # of limits; what remains is for rounding
 GRID = 0.02  # [s] between places, at least
 ON_CURVE = 12  # pieces of a parabola
 ON_LINE = 24  # pieces of a line at most
