@@ -6,8 +6,8 @@ It takes ROS, Python 3.8 or later, and nothing else: copy it to the machine with
 there or by `ssh` or `docker exec -i`, and speaks to it in lines of JSON, by its standard input and output:
 
     in:   {"joints": [names]} first; {"v": [rad/s]} 100 times a second; {"fingers": 0 open to 1 closed}
-    out:  {"listens": whether the driver does} when that changes, and ten times a second, with {"missing": [names],
-          "heard": [names]} while joint states come that lack joints; {"error": why};
+    out:  {"listens": whether the driver does, "velocities": topic, "states": topic} when that changes, and ten times a
+          second, with {"missing": [names], "heard": [names]} while joint states come that lack joints; {"error": why};
           {"q": [rad], "v": [rad/s], "torques": [N m]}
 
 When velocities stop coming for 50 ms, it sends zeros; when its input ends, it sends zeros and leaves.
@@ -58,12 +58,12 @@ class Ros1:
         rospy.init_node("jacokin_run", anonymous=True, disable_signals=True)
         node = f"/{options.robot}_driver"
         self._kind = message("kinova_msgs/JointVelocity", JOINT_VELOCITY)
-        topic = options.velocities or node + "/in/joint_velocity"
-        self._velocities = rospy.Publisher(topic, self._kind, queue_size=1)
+        self.velocities = options.velocities or node + "/in/joint_velocity"
+        self._velocities = rospy.Publisher(self.velocities, self._kind, queue_size=1)
         self._goal = message("kinova_msgs/SetFingersPositionActionGoal", FINGERS_GOAL)
         self._fingers = rospy.Publisher(node + "/fingers_action/finger_positions/goal", self._goal, queue_size=1)
-        states = options.states or node + "/out/joint_state"
-        rospy.Subscriber(states, sensors.JointState, take, queue_size=1, tcp_nodelay=True)
+        self.states = options.states or node + "/out/joint_state"
+        rospy.Subscriber(self.states, sensors.JointState, take, queue_size=1, tcp_nodelay=True)
 
     def listens(self) -> bool:
         """Whether the driver does."""
@@ -104,11 +104,12 @@ class Ros2:
         rclpy.init(args=[], signal_handler_options=signals.SignalHandlerOptions.NO)
         node = self._node = rclpy.create_node("jacokin_run")
         kind = self._numbers.Float64MultiArray
-        self._velocities = node.create_publisher(kind, options.velocities or "/forward_velocity_controller/commands", 1)
+        self.velocities = options.velocities or "/forward_velocity_controller/commands"
+        self._velocities = node.create_publisher(kind, self.velocities, 1)
         self._fingers = node.create_publisher(kind, "/finger_controller/commands", 1)
         # Best effort: it hears reliable publishers, too.
-        states = options.states or "/joint_states"
-        node.create_subscription(sensors.JointState, states, take, qos.qos_profile_sensor_data)
+        self.states = options.states or "/joint_states"
+        node.create_subscription(sensors.JointState, self.states, take, qos.qos_profile_sensor_data)
         threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
 
     def listens(self) -> bool:
@@ -296,7 +297,8 @@ def main() -> int:
         listens = arm.listens()
         if listens != listened or time.monotonic() - said > 0.1:  # [s] it is said again
             said, listened = time.monotonic(), listens
-            say({"listens": listens, **forwarder.lacking()})
+            topics = {"velocities": arm.velocities, "states": arm.states}
+            say({"listens": listens, **topics, **forwarder.lacking()})
     forwarder.end()
     arm.close()
     return 0

@@ -156,6 +156,7 @@ class ProcessLink:
         os.set_blocking(self._out, False)
         os.set_blocking(self._in, False)
         self._held, self._unsent, self._lacking = b"", b"", ""
+        self._topics: dict[str, str] = {}
         self.listens = self._is_closed = False
         with contextlib.suppress(InvalidInputError):  # one that has left already: what it said is heard first
             self._say({"joints": names})
@@ -179,6 +180,7 @@ class ProcessLink:
                 if "error" in fields:
                     raise InvalidInputError(str(fields["error"]))
                 self.listens = bool(fields.get("listens", self.listens))
+                self._topics.update({name: str(fields[name]) for name in ("velocities", "states") if name in fields})
                 if fields.get("missing"):
                     missing, heard = (", ".join(map(str, fields.get(name, ()))) for name in ("missing", "heard"))
                     self._lacking = f"joint states have {heard}, and no {missing}"
@@ -193,8 +195,11 @@ class ProcessLink:
 
     @property
     def lacking(self) -> str:
-        """What joint states have instead of the joints that were asked for; "" as long as none lacks them."""
-        return self._lacking
+        """What is missing until an arm moves: of which topic, or which joints; "" where the forwarder does not tell."""
+        if self.listens and self._lacking:
+            return self._lacking
+        topic = self._topics.get("states" if self.listens else "velocities")
+        return "" if topic is None else f"nobody is at {topic}"
 
     def _lines(self) -> list[bytes]:
         """The whole lines that have come."""
@@ -281,7 +286,7 @@ def run(runner: Runner, link: Link, *, fingers: float | None = None, watch: Call
             if is_first and not (link.listens and measured is not None):
                 if link.now() - begun > PATIENCE:
                     what = "says where it is" if link.listens else "listens to velocities"
-                    lacking = getattr(link, "lacking", "") if link.listens else ""  # only of a forwarder
+                    lacking = getattr(link, "lacking", "")  # only of a forwarder
                     raise InvalidInputError(f"no arm {what} (waited {PATIENCE:g} s){lacking and ': ' + lacking}")
                 continue
             if not link.listens:

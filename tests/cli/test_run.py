@@ -132,6 +132,17 @@ def test_joints_of_other_names_are_told(run: Run, file: Path, tmp_path: Path, mo
     assert answer.out == ""
 
 
+@pytest.mark.parametrize("listens", [False, True])
+def test_the_topic_at_which_nobody_is_is_told(
+    run: Run, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listens: bool
+) -> None:
+    monkeypatch.setattr("jacokin.runner.links.PATIENCE", 0.5)
+    says = {"listens": listens, "velocities": "/commands", "states": "/joint_states"}
+    answer = run("run", file, "--forwarder", forwarder(tmp_path, f"say({says})"), code=2)
+    told = "says where it is (waited 0.5 s): nobody is at /joint_states"
+    assert (told if listens else "listens to velocities (waited 0.5 s): nobody is at /commands") in answer.err
+
+
 def test_a_forwarder_moves_an_ideal_arm(run: Run, file: Path, tmp_path: Path) -> None:
     """The lines as they are: joints first, velocities for 10 ms each, angles back."""
     ideal = forwarder(tmp_path, TURNED, "say({'q': q, 'v': None, 'torques': None})")

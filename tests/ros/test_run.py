@@ -160,7 +160,8 @@ def test_an_arm_elsewhere_is_not_moved(ros: Ros, version: int, file: Path, motio
 def test_without_an_arm_it_says_so(ros: Ros, version: int, file: Path) -> None:
     status, _, errors = finish(start(ros, version, file))
     assert status == 2
-    assert "no arm listens to velocities" in errors
+    topic = "/j2n6s300_driver/in/joint_velocity" if version == 1 else "/forward_velocity_controller/commands"
+    assert f"no arm listens to velocities (waited 10 s): nobody is at {topic}" in errors
 
 
 def test_fingers_move_with_the_joints(ros: Ros, version: int, motion: Trajectory, file: Path) -> None:

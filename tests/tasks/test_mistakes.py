@@ -117,6 +117,8 @@ def test_unknown_options_are_listed(option: str, value: Any, valid: tuple[str, .
         ({"flatten": "yes"}, "flatten"),
         ({"width": 0}, "width"),
         ({"height": 1.5}, "height"),
+        ({"width": 1280, "height": 480}, "width must be a whole number <= 640, got 1280"),
+        ({"height": 720}, "height must be a whole number <= 480, got 720"),
         ({"randomization": "mass"}, "randomization"),
         ({"randomization": 10**5000}, "randomization"),
         ({"goal": True, "observations": "vision"}, "goal=True needs"),

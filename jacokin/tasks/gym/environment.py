@@ -115,9 +115,13 @@ class TaskEnv(gymnasium.Env[Observation, NDArray[Any]]):
         usable = [mode for mode in RENDER_MODES if mode == render_mode or is_usable(mode)]
         rate = max(1, round(1.0 / self.options.control_timestep))
         self.metadata = {**_METADATA, "render_modes": usable, "render_fps": rate}
-        self._size = checks.whole_number("height", height, 1), checks.whole_number("width", width, 1)
         self._render_camera = checks.choice("render_camera", render_camera, CAMERAS)
         self._episode = Episode(self.options.task, contact, self.options.control_timestep)
+        most = self.model.vis.global_
+        self._size = (
+            checks.whole_number("height", height, 1, most.offheight),
+            checks.whole_number("width", width, 1, most.offwidth),
+        )
         if not self.options.has_camera:  # otherwise pictures are as the reference has them
             quality = self.model.vis.quality
             # Of what is rendered but not observed: a fifth of the time that MuJoCo's own take on a processor.
