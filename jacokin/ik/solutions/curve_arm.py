@@ -36,7 +36,6 @@ from jacokin.kernels.solution_set.nearest import (
 )
 from jacokin.kernels.solution_set.run import SetWork, make_set_work, solve_set
 from jacokin.kernels.solution_set.slices import AFTER, BEFORE, JOINT_3, NO_SLICES
-from jacokin.kernels.solution_set.trace import CurveEnd
 from jacokin.kernels.solution_set.within import CIRCLE, FOLD, LOST
 from jacokin.kernels.tolerances import DISTINCT, SMALLEST_FREEDOM_OF_CURVES
 from jacokin.model.angles import TURN
@@ -180,13 +179,6 @@ class CurveArm:
         call.work.seed[: self.dof] = seed
         return call.work.x.copy() if call() else None
 
-    def _nearest_of_pieces(self, calls: _Calls, seed: Array) -> tuple[Array | None, float]:
-        """The point (7,) of the pieces that calls found that is nearest to a seed (dof,), and how far it is [rad]."""
-        pieces = calls.solve.work.pieces
-        pieces.ends[pieces.size[1] :] = 0
-        found = self._nearest(calls.nearest, seed)
-        return found, float(calls.nearest.work.best[0])
-
     def _put_back(self, calls: _Calls) -> None:
         """Let others use calls, once their arrays are read."""
         self._idle.append(calls)
@@ -278,13 +270,8 @@ class CurveProblem(NamedTuple):
         wrong = calls.solve()
         found: Array | Curves | None
         if work.pieces.size[1] > 0:
-            found, away = self.arm._nearest_of_pieces(calls, seed)
-            # Where there is no room for all curves, those that are followed without a seed are others.
-            if self.arm._slack == 0.0 and CurveEnd.FULL in work.loops.ends[: work.loops.size[1], 2]:
-                work.near.seed[:] = np.nan
-                calls.solve()
-                other, other_away = self.arm._nearest_of_pieces(calls, seed)
-                found = other if other_away < away else found
+            work.pieces.ends[work.pieces.size[1] :] = 0
+            found = self.arm._nearest(calls.nearest, seed)
         else:  # an arm that nearly has a structure is not looked at all round
             found = read_curves(work, complete=wrong == 0) if self.arm._slack == 0.0 else None
         self.arm._put_back(calls)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from jacokin.arrays import Array
 from jacokin.kernels.chain import Newton
+from jacokin.kernels.closed_form.arm import unpack_arm
 from jacokin.kernels.limits import TURN, copy_within_limits, nearest_copy
 from jacokin.kernels.solution_set.curve import (
     LARGEST_RESIDUAL,
@@ -34,7 +35,7 @@ from jacokin.kernels.solution_set.curve import (
     to_curve,
     wrapped,
 )
-from jacokin.kernels.solution_set.end_wrist import solve_wrist_rows
+from jacokin.kernels.solution_set.end_wrist import column_of, solve_wrist_rows
 from jacokin.kernels.solution_set.seven_joints import MOST_ROWS, ROUNDING, solve_rows_at_q3
 from jacokin.kernels.solution_set.slices import JOINT_3, SLICES, SevenJoints, SixJoints, Slices
 from jacokin.kernels.solution_set.starts import FARTHEST_START, descend
@@ -50,6 +51,8 @@ BEYOND_ENDS = 0.1
 BESIDE_CHORD = 0.3
 #: [rad] how far from a fold configurations are looked for first, and at last: rounding may leave none just there.
 AT_FOLD, BESIDE_FOLD = 1e-8, 1e-2
+#: Times as far from straight as from the fold itself a wrist is there: between, it might be straight and turn about.
+STRAIGHT = 10.0
 #: [rad] how far beyond the nearest solution so far others are looked for.
 BEYOND = 1e-6
 #: Intervals that wait their turn; and that are halved at most: rows that want more are no smooth functions, as where a
@@ -300,10 +303,25 @@ def place_arc(parts: Parts, arc: Arc, halves: int, near: NearSeed, size: int) ->
             aside *= 10.0
             if not 0.0 < aside < BESIDE_FOLD:
                 return -1
+        if aside > 0.0 and is_straight(near.places[i], middle_of_wrist(parts), STRAIGHT * aside):
+            return -1
         for row in range(MOST_ROWS):
             if not offer_settled(near.places[i, row], parts, near):
                 return -1
     return size + halves + 1
+
+
+def middle_of_wrist(parts: Parts) -> int:
+    """Index among seven angles of the joint in the middle of the wrist."""
+    return 5 if parts.kind == JOINT_3 else column_of(unpack_arm(parts.six.arm).six, parts.kind, 4)
+
+
+def is_straight(rows: Array, j: int, least: float) -> bool:
+    """Whether axes beside joint j of a wrist are on one line in some row, to a sine; pairs turn it both ways."""
+    for row in range(0, MOST_ROWS, 2):
+        if not math.isnan(rows[row, 0]) and abs(math.sin(0.5 * (rows[row, j] - rows[row + 1, j]))) <= least:
+            return True
+    return False
 
 
 def offer_row(x: Array, joints: int, near: NearSeed) -> None:

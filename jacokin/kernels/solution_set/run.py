@@ -61,7 +61,19 @@ from jacokin.kernels.solution_set.slices import (
     make_slices,
 )
 from jacokin.kernels.solution_set.starts import bring_to_curve, descend, fill_steps
-from jacokin.kernels.solution_set.trace import Loops, count_all_passed, is_near, is_traced, make_loops, trace
+from jacokin.kernels.solution_set.trace import (
+    LOOPS,
+    NODES,
+    SPARE_LOOPS,
+    SPARE_NODES,
+    Loops,
+    count_all_passed,
+    is_full,
+    is_near,
+    is_traced,
+    make_loops,
+    trace,
+)
 from jacokin.kernels.solution_set.within import Pieces, cut, make_pieces
 
 #: Values of the parameter that are solved at in any case, apart by a share of a turn that no structure has, and rounds
@@ -123,13 +135,15 @@ def make_set_work() -> SetWork:
 def solve_set(work: SetWork) -> int:
     """Fill loops with all curves and pieces with what of them is within the limits; with a seed, with some at least.
 
+    What is near a seed may be looked at alone; the whole set is where that has no pieces, or there is no room for it.
     An arm that nearly has a structure is looked at near the seed only: there may be no pieces.
 
     Returns:
         How many things went wrong, so that parts may be missing; 0 for none.
     """
     wrong, whole = find_curves(work, math.isnan(work.near.seed[0]))
-    if work.pieces.size[1] == 0 and not whole and work.near.slack[0] == 0.0:
+    none = work.pieces.size[1] == 0 or is_full(work.loops)
+    if none and not whole and work.near.slack[0] == 0.0:
         wrong, _ = find_curves(work, True)
     return wrong
 
@@ -146,6 +160,7 @@ def find_curves(work: SetWork, whole: bool) -> tuple[int, bool]:
     for n in range(4):
         loops.size[n] = 0
     loops.window[0], loops.window[1] = 0.0, math.inf
+    loops.room[0], loops.room[1] = NODES - SPARE_NODES, LOOPS - SPARE_LOOPS
     doubts, by_roots = 0, False
     on_one_axis = kind in (AFTER, BEFORE) and turns_beside(work.six, work.walk)
     if kind != NO_SLICES and (whole or on_one_axis or not add_near_seed(work)):
@@ -160,45 +175,63 @@ def find_curves(work: SetWork, whole: bool) -> tuple[int, bool]:
             trace(slices, loops, work.walk)
             whole = True
         else:
-            fit_window(work, whole)
+            whole = whole or not fit_window(work)
             doubts += slice_by_roots(work)
-            by_roots, whole = True, loops.window[1] == math.inf
+            by_roots = True
     for n in range(work.starts.shape[0]):
         if bring_to_curve(work.starts[n], work.newton, work.walk):
             doubts += not add_start(slices, work.walk.z)
     trace(slices, loops, work.walk)
     doubts += follow_meetings(work)
-    if by_roots and loops.window[1] == math.inf:
+    if by_roots and whole:
         doubts += doubts_where_F_vanishes(work) if work.options[SetOption.SURE] == 1 else 1
-    cut(loops, work.pieces, work.walk)
-    wrong = doubts + loops.size[3] + work.pieces.size[3]
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
-            wrong += slices.passed[i, k] != 1 and not math.isnan(slices.p[i])
+            doubts += slices.passed[i, k] != 1 and not math.isnan(slices.p[i])
+    if whole and doubts + loops.size[3] > 0:
+        follow_seed(work)
+    cut(loops, work.pieces, work.walk)
+    wrong = doubts + loops.size[3] + work.pieces.size[3]
     if wrong > 0 and work.near.slack[0] > 0.0:
         work.pieces.size[1] = 0
     return int(wrong), whole
 
 
-def fit_window(work: SetWork, whole: bool) -> None:
-    """Follow curves only where solutions may be as near to the seed as what it leads to, or those at its parameter."""
+def fit_window(work: SetWork) -> bool:
+    """Follow curves only where solutions may be as near to the seed as what it leads to, or those at its parameter.
+
+    Returns:
+        Whether that is not all round, and those are the first slices; else there are none.
+    """
     kind, joints = int(work.options[SetOption.KIND]), int(work.options[SetOption.JOINTS])
     window, near, slices, walk = work.loops.window, work.near, work.slices, work.walk
-    if math.isnan(near.seed[walk.parameter[0]]):
-        return
     cosine = start_from_seed(work)
     add_slice(walk, kind, window[0], slices, work.six, work.seven)
     for i in range(slices.size[0]):
         for k in range(slices.counts[i]):
             offer_row(slices.x[i, k], joints, near)
-    if not whole:
-        window[1] = half_width(near.best[0] + BEYOND, joints, cosine)
+    window[1] = half_width(near.best[0] + BEYOND, joints, cosine)
+    if window[1] == math.inf:
+        window[0], slices.size[0] = 0.0, 0
+    return bool(window[1] < math.inf)
+
+
+def follow_seed(work: SetWork) -> None:
+    """Follow the curve that the seed leads to, if it does and that is not known, after all those of the whole set.
+
+    Last, as it depends on those before which others are followed, where curves meet or there is no room for all.
+    """
+    loops, slices, first = work.loops, work.slices, work.slices.size[0]
+    if math.isnan(work.near.seed[work.walk.parameter[0]]):
+        return
+    start_from_seed(work)
+    loops.window[0], loops.room[0], loops.room[1] = 0.0, NODES, LOOPS
+    if slices.size[0] > first:
+        trace(slices, loops, work.walk)
 
 
 def start_from_seed(work: SetWork) -> float:
-    """Put the middle of the window at the seed, and add the solution that it leads to as the first start, if it does.
-
-    First, as there may be no room for the curves of all others.
+    """Put the middle of the window at the seed, and add the solution that it leads to as a start, if it does.
 
     Returns:
         What `half_width` is told of a free axis.

@@ -37,7 +37,9 @@ from jacokin.kernels.solution_set.curve import (
 )
 from jacokin.kernels.solution_set.slices import Slices
 
-NODES, LOOPS, MEETINGS = 12288, 128, 64
+NODES, LOOPS, MEETINGS = 14336, 132, 64
+#: Of these so many are for the curve that a seed leads to alone, where there is no room for all.
+SPARE_NODES, SPARE_LOOPS = 2048, 4
 #: [rad] shorter steps are not tried: the curve is lost. From the second on, curves that meet are passed; where a curve
 #: turns so sharply that steps are shorter, another one is so near that they may not be told apart.
 SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4
@@ -62,6 +64,7 @@ class Loops(NamedTuple):
     ends: NDArray[np.int64]  # (LOOPS, 3) first node, node after the last, how it ends
     window: Array  # (2,) values of the parameter from whose middle curves are followed so far to either side [rad]
     meetings: Array  # (MEETINGS, 14) points between which curves meet
+    room: NDArray[np.int64]  # (2,) for nodes and for curves, for now
     size: NDArray[np.int64]  # (4,) nodes, curves, meetings, what went wrong
 
 
@@ -73,6 +76,7 @@ def make_loops() -> Loops:
         np.zeros((LOOPS, 3), np.int64),
         np.array([0.0, np.inf]),
         np.empty((MEETINGS, COLUMNS)),
+        np.array([NODES, LOOPS]),
         np.zeros(4, np.int64),
     )
 
@@ -87,6 +91,14 @@ def trace(slices: Slices, loops: Loops, walk: Walk) -> None:
             follow(i, k, slices, loops, walk)
             for n in range(slices.size[0] if math.isnan(slices.p[i]) else 0):
                 count_all_passed(n, first, slices, loops, walk)
+
+
+def is_full(loops: Loops) -> bool:
+    """Whether a curve ends for want of room."""
+    full = False
+    for c in range(loops.size[1]):
+        full = full or loops.ends[c, 2] == CurveEnd.FULL
+    return full
 
 
 def is_traced(loops: Loops, x: Array) -> bool:
@@ -155,7 +167,7 @@ def lies_between(x: Array, a: Array, b: Array, low: float) -> bool:
 def add_node(loops: Loops, x: Array, t: Array, fold: int) -> int:
     """Append a node; its number, or -1 where there is no room."""
     n = int(loops.size[0])
-    if n == NODES:
+    if n >= loops.room[0]:
         return -1
     for j in range(7):
         loops.nodes[n, j] = x[j]
@@ -168,7 +180,7 @@ def add_node(loops: Loops, x: Array, t: Array, fold: int) -> int:
 def follow(i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
     """Follow the curve from point k of slice i until it comes back there, or leaves the window on both sides."""
     found = begin(slices.x[i, k], walk)
-    if loops.size[1] == LOOPS:
+    if loops.size[1] >= loops.room[1]:
         loops.size[3] += 1
         return
     if not found:  # no curve passes here alone: a single point
@@ -177,7 +189,7 @@ def follow(i: int, k: int, slices: Slices, loops: Loops, walk: Walk) -> None:
         if first >= 0:
             enter_run(loops, first, CurveEnd.CLOSED)
         return
-    if run((i, k), slices, loops, walk) != CurveEnd.LEFT or loops.size[1] == LOOPS:
+    if run((i, k), slices, loops, walk) != CurveEnd.LEFT or loops.size[1] >= loops.room[1]:
         return
     begin(slices.x[i, k], walk)
     for j in range(7):
@@ -286,7 +298,7 @@ def comes_round(last: int, reference: int, loops: Loops) -> bool:
 
 def how_far(loops: Loops, p: float) -> CurveEnd:
     """How a curve ends at its last node, with this value of the parameter; `LOST` where it goes on."""
-    if loops.size[0] + 2 > NODES:
+    if loops.size[0] + 2 > loops.room[0]:
         return CurveEnd.FULL
     return CurveEnd.LEFT if abs(wrapped(p - loops.window[0])) > loops.window[1] else CurveEnd.LOST
 

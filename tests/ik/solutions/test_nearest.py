@@ -420,6 +420,43 @@ def test_in_an_incomplete_set_nothing_is_nearer_than_the_answer() -> None:
     assert np.linalg.norm(result.q - seed) <= np.linalg.norm(nearest - seed) + 1e-8
 
 
+@pytest.mark.parametrize(
+    ("name", "frame", "own", "axis", "seed"),
+    [
+        (
+            "j2s6s200",
+            "end_effector",
+            (-1.86042, 1.98762, 8.601119e-12, 0.32403, -4.852164e-09, -2.35372),
+            (-0.51667497, -0.69016183, 0.50667902),
+            (19.2802, 1.2417, 1.0847, -10.9202, 2.9492, 21.3597),
+        ),
+        (
+            "j2s6s300",
+            "gripsite",
+            (1.383999, 1.722131, 4.863724, -0.676, 3.141592653591617, -0.207442),
+            (-0.43596202, 0.20993961, 0.87513569),
+            (18.8226, 2.0031, 4.5935, -13.082, 2.5056, 11.343),
+        ),
+        (  # where the elbow is stretched the wrist is straight but for 1e-10 rad, and turns all round
+            "j2s6s200",
+            "gripsite",
+            (-2.48388316, 3.855714545, math.pi, -1.759543374, math.pi, 0.32843175),
+            (0.0, 0.0, 1.0),
+            (9.0832, 1.431, 4.8715, -5.6698, 5.5143, 4.2681),
+        ),
+    ],
+)
+def test_near_circles_of_a_straight_wrist_the_answer_is_as_near_as_the_set_tells(
+    name: str, frame: str, own: Sequence[float], axis: Sequence[float], seed: Sequence[float]
+) -> None:
+    solver = IKSolver(jacokin.load_robot(name), frame, collision="ignore")
+    target = FreeAxis(solver.verifier.tool_pose(np.array(own)), axis=axis)
+    found, result = solver.solve_all(target, seed=seed), solver.solve(target, seed=seed).raise_for_status()
+    nearest = found.nearest(seed)
+    assert nearest is not None
+    assert np.linalg.norm(np.subtract(result.q, seed)) <= np.linalg.norm(nearest - seed) + 1e-8
+
+
 def test_beside_a_seed_there_is_a_member_as_near_as_any() -> None:
     """All axes but one are parallel or meet, but for 1e-4 rad: least steps to the target lead farther away."""
     solver = IKSolver(jacokin.load_robot("j2s7s200"), collision="ignore")
