@@ -303,16 +303,24 @@ class Members:
                 parameters[row] = self.parameter(rows[row])
         return parameters, rows
 
-    def beside(self, q: Array, parameter: float) -> tuple[Array, float]:
+    def beside(self, q: Array, parameter: float, within: float = math.inf) -> tuple[Array, float] | None:
         """The member (dof,) beside a configuration nearby, and its parameter [rad]: the nearest, or one steps lead to.
+
+        Args:
+            q: (dof,) [rad].
+            parameter: [rad].
+            within: how far a member that is known is [rad].
+
+        Returns:
+            None where none is much nearer than within.
 
         Raises:
             LostMemberError: they lead to none.
         """
         turning = self.target.free_axis is not None
         try:
-            x, p = self._weighted(q, parameter, turning=turning)
-            return self.verified(x, p), p
+            nearest = self._weighted(q, parameter, within, turning=turning)
+            return None if nearest is None else (self.verified(*nearest), nearest[1])
         except LostMemberError:
             q, parameter = self._settled(q, parameter, turning=turning)
             return self.verified(q, parameter), parameter
@@ -348,18 +356,25 @@ class Members:
                 parameter = self.target.nearest_angle(parameter + float(step[dof]))
         return self.copies(q, q), parameter
 
-    def _weighted(self, seed: Array, parameter: float, *, turning: bool) -> tuple[Array, float]:
+    def _weighted(self, seed: Array, parameter: float, within: float, *, turning: bool) -> tuple[Array, float] | None:
         """A configuration (dof,) within the limits no farther from a seed than any member, and nearly at the target.
 
         What makes the square of what is missing and a weight times that of the way from the seed least: the smaller the
         weight, the nearer it is to the target. Next to where curves meet, least steps to the target go farther.
+
+        For a member the sum is the weight times the square of its way: no member is nearer than what the least sum
+        tells, and None is returned where that is not much less than within [rad].
         """
         dof, lower, upper = len(seed), self.robot.lower, self.robot.upper
         q, weight = seed, FIRST_SEED_WEIGHT
         while weight >= LEAST_SEED_WEIGHT:
-            held = np.zeros(dof + turning, dtype=np.bool_)
+            held, moved = np.zeros(dof + turning, dtype=np.bool_), math.inf
             for _ in range(SEED_STEPS):
                 error, moving = self._missing(q, parameter, turning=turning)
+                way = float(np.linalg.norm(q - seed))
+                least = math.hypot(way, float(np.linalg.norm(error)) / math.sqrt(weight))
+                if moved <= STRAIGHT * way and (1.0 + STRAIGHT) * least >= within:
+                    return None
                 moving[:, held] = 0.0
                 normal, right = moving.T @ moving, moving.T @ error
                 normal[np.diag_indices(dof)] += weight

@@ -173,10 +173,10 @@ class SetSearch:
         if away < RESOLUTION or (nearest is not None and members.is_next(nearest[0], seed, p)):
             return []
         try:
-            q, p = members.beside(seed, p)
+            found = members.beside(seed, p, away)
         except LostMemberError:
             return []
-        return [members.candidate(q, p)] if np.linalg.norm(q - seed) < away else []
+        return [members.candidate(*found)] if found is not None and np.linalg.norm(found[0] - seed) < away else []
 
     def _with_neighbour(self, candidates: Iterator[Candidate], members: Members, cost: Cost) -> Iterator[Candidate]:
         """Candidates of a set that may lack some: first the member beside the seed, if it costs less than the best."""
@@ -193,10 +193,11 @@ class SetSearch:
         least, members = found.least_excess(), found.members
         for start in [seed] if least is None else [seed, least.q]:
             try:
-                q, p = members.beside(start, members.target.nearest_angle(members.parameter(start)))
+                member = members.beside(start, members.target.nearest_angle(members.parameter(start)))
             except LostMemberError:
                 continue
-            yield members.candidate(q, p)
+            if member is not None:
+                yield members.candidate(*member)
 
     def _starts(self, members: Members) -> Array:
         """(k, 7) the seed, if it nearly reaches the target: a curve beside it is followed."""

@@ -18,6 +18,8 @@ from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import forms
 from jacokin.ik.solutions.curve_arm import CurveArm
+from jacokin.ik.solutions.members import Members
+from jacokin.ik.solutions.search import SetSearch
 from jacokin.ik.targets import interpret
 from jacokin.model.angles import TURN
 from tests.seven_joint_arms import ARMS, load_arm, load_placed
@@ -418,6 +420,26 @@ def test_in_an_incomplete_set_nothing_is_nearer_than_the_answer() -> None:
     nearest = found.nearest(seed)
     assert nearest is not None
     assert np.linalg.norm(result.q - seed) <= np.linalg.norm(nearest - seed) + 1e-8
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8)])
+def test_beside_a_seed_steps_end_where_nothing_nearer_is_left(
+    axis: tuple[float, ...], rng: np.random.Generator
+) -> None:
+    """With nearly the distance of the nearest member there is none, with twice that there is that member."""
+    robot = jacokin.load_robot("j2n6s300")
+    solver = IKSolver(robot, collision="ignore")
+    for own in robot.sample(rng, 20):
+        target = interpret(FreeAxis(robot.forward_kinematics(own), axis=axis), solver.frame)
+        seed = own + 1e-3 * rng.normal(size=6)
+        nearest = SetSearch(solver.verifier, forms.about_axis(solver.verifier)).nearest(target, seed)
+        assert nearest is not None
+        members = Members(solver.verifier, None, target, seed)
+        p, way = target.nearest_angle(members.parameter(seed)), float(np.linalg.norm(nearest[0] - seed))
+        assert members.beside(seed, p, 1.01 * way) is None
+        found = members.beside(seed, p, 2.0 * way)
+        assert found is not None
+        np.testing.assert_allclose(found[0], nearest[0], rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
