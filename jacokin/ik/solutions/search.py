@@ -193,11 +193,11 @@ class SetSearch:
         least, members = found.least_excess(), found.members
         for start in [seed] if least is None else [seed, least.q]:
             try:
-                found = members.beside(start, members.target.nearest_angle(members.parameter(start)))
+                member = members.beside(start, members.target.nearest_angle(members.parameter(start)))
             except LostMemberError:
                 continue
-            if found is not None:
-                yield members.candidate(*found)
+            if member is not None:
+                yield members.candidate(*member)
 
     def _starts(self, members: Members) -> Array:
         """(k, 7) the seed, if it nearly reaches the target: a curve beside it is followed."""
