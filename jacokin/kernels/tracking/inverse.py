@@ -14,6 +14,9 @@ from jacokin.kernels.symmetric import diagonalise
 SIX = 6
 #: Damping where nothing is to be given away: square of a weighted singular value [m^2/rad^2].
 EXACT = 1e-12
+#: The same against the square of the largest singular value, where next to nothing is: with less, answers at a singular
+#: pose turn round within what a tick leaves undone, and jump from tick to tick.
+SMOOTH = 1e-10
 #: What Jacobi's method leaves beside the diagonal, squared and relative: rounding, as one matrix is always singular.
 BESIDE = 1e-29
 #: Halvings of the range in which a damping is looked for.
@@ -141,15 +144,35 @@ def fill_bend(inverse: Inverse, y: Array, x: Array, turn: Array, damping: float,
                 bend[j] += along * inverse.right[j * dof + i]
 
 
+def largest_square(inverse: Inverse) -> float:
+    """The square of the largest singular value."""
+    largest = 0.0
+    for i in range(SIX):
+        largest = max(largest, inverse.squares[i])
+    return largest
+
+
+def part_left(inverse: Inverse, y: Array) -> float:
+    """The size of what of y (6,) no damping reaches: in directions in which x can hardly lead."""
+    left = 0.0
+    for i in range(SIX):
+        if inverse.squares[i] >= 0.0:
+            part = along_left(inverse, i, y) * EXACT / (inverse.squares[i] + EXACT)
+            left += part * part
+    return math.sqrt(left)
+
+
+def smooth_damping(inverse: Inverse) -> float:
+    """The damping where next to nothing is to be given away."""
+    return max(SMOOTH * largest_square(inverse), EXACT)
+
+
 def damping_leaving(inverse: Inverse, y: Array, residual: float) -> float:
     """The largest damping at which no more than a residual of y (6,), in its units, is left by damping alone.
 
     What `EXACT` leaves, as in directions in which x cannot lead, does not count.
     """
-    largest = 0.0
-    for i in range(SIX):
-        largest = max(largest, inverse.squares[i])
-    least, most = EXACT, max(largest, EXACT)
+    least, most = EXACT, max(largest_square(inverse), EXACT)
     for _ in range(DAMPING_HALVINGS):
         middle, left = math.sqrt(least * most), 0.0
         for i in range(SIX):

@@ -26,6 +26,8 @@ from jacokin.kernels.tracking.inverse import (
     fill_bend,
     make_inverse,
     multiply,
+    part_left,
+    smooth_damping,
     solve_damped,
 )
 from jacokin.kernels.tracking.limits import CHANGE, EASY, STEP, TINY, braking_speed
@@ -84,6 +86,7 @@ class TwistWork(NamedTuple):
     settling: Array  # (dof,)
     planned: Array  # (dof,)
     idle: Array  # (dof,)
+    known: Array  # (dof,)
 
 
 def make_twist_work(dof: int = 0) -> TwistWork:
@@ -102,6 +105,7 @@ def make_twist_work(dof: int = 0) -> TwistWork:
         np.zeros(SIX),
         make_inverse(dof),
         np.zeros(SIX * dof),
+        np.zeros(dof),
         np.zeros(dof),
         np.zeros(dof),
         np.zeros(dof),
@@ -138,7 +142,7 @@ def follow_twist(tick: TickWork, reach: ReachWork, work: TwistWork) -> None:
         settled = min(settled, limits[j, STEP] / max(abs(settling[j]), TINY))
     for i in range(SIX):
         rest[i] = work.weights[i] * work.line[i] * dt
-    solve_damped(inverse, rest, EXACT, start)
+    solve_damped(inverse, rest, min(smooth_damping(inverse), max(work.damping[0], EXACT)), start)
     find_fastest(tick, reach, work, size)
     for j in range(dof):
         settling[j] *= SETTLED * settled
@@ -180,7 +184,8 @@ def find_fastest(tick: TickWork, reach: ReachWork, work: TwistWork, size: float)
     """Find the displacement of a whole twist of some size, and the largest part of it that keeps every limit.
 
     Where the joints cannot follow exactly, a little of the twist is given away, no more than needed. As long as the arm
-    moves on, the damping that does it changes little from tick to tick, and the part grows gently.
+    moves on, the damping that does it changes little from tick to tick, and the part grows gently. The arm is slower by
+    the part of the twist in which joints cannot lead at all.
     """
     before, part = work.damping[0], work.part[0]
     work.damping[0], work.part[0] = 0.0, -1.0
@@ -190,6 +195,9 @@ def find_fastest(tick: TickWork, reach: ReachWork, work: TwistWork, size: float)
         work.part[0], work.cause[0], work.cause[1] = 1.0, NOTHING, 0
         return
     find_damping(tick, reach, work, size, before if part > 0.0 else 0.0, part)
+    led = max(1.0 - part_left(work.inverse, work.wanted) / size, 0.0)
+    if led < work.part[0]:
+        work.part[0], work.cause[0], work.cause[1] = led, SINGULARITY, 0
     if part > 0.0:
         for j in range(len(work.found)):
             gentle = part + GENTLE * tick.limits[j, CHANGE] / max(abs(work.found[j]), TINY)
@@ -208,12 +216,15 @@ def find_damping(tick: TickWork, reach: ReachWork, work: TwistWork, size: float,
         before: the damping of the tick before, 0 for none; joints leave what they would do with it gently.
         part: of the twist that was followed then.
     """
-    least, most = EXACT, damping_leaving(work.inverse, work.wanted, ASIDE * size)
+    most = damping_leaving(work.inverse, work.wanted, ASIDE * size)
+    least = min(smooth_damping(work.inverse), most)
     if before > 0.0:
-        before = min(before, most)
-        least, most = near_damping(tick, work, before, least, part), near_damping(tick, work, before, most, part)
+        before = min(max(before, least), most)
+        least = near_damping(tick, work, before, least, part)
     if try_damping(tick, reach, work, least) >= 1.0:
         return
+    if before > 0.0:
+        most = near_damping(tick, work, before, most, part)
     if try_damping(tick, reach, work, most) < 1.0:
         if least < before < most:
             try_damping(tick, reach, work, before)
@@ -228,13 +239,18 @@ def find_damping(tick: TickWork, reach: ReachWork, work: TwistWork, size: float,
 
 def near_damping(tick: TickWork, work: TwistWork, before: float, end: float, part: float) -> float:
     """The damping that is farthest towards an end at which a part of what joints do changes gently from one before."""
-    solve_damped(work.inverse, work.wanted, before, work.planned)
+    dof = len(work.tried)
+    if before == end:
+        return end
+    try_answer(tick, work, before)
+    for j in range(dof):
+        work.known[j] = work.tried[j]
     near, far = before, end
     for turn in range(DAMPING_TURNS):
         damping, fits = end if turn == 0 else math.sqrt(near * far), True
-        solve_damped(work.inverse, work.wanted, damping, work.tried)
-        for j in range(len(work.tried)):
-            fits = fits and part * abs(work.tried[j] - work.planned[j]) <= GENTLE * tick.limits[j, CHANGE]
+        try_answer(tick, work, damping)
+        for j in range(dof):
+            fits = fits and part * abs(work.tried[j] - work.known[j]) <= GENTLE * tick.limits[j, CHANGE]
         if not fits:
             far = damping
         elif turn == 0:
@@ -246,8 +262,8 @@ def near_damping(tick: TickWork, work: TwistWork, before: float, end: float, par
 
 def try_damping(tick: TickWork, reach: ReachWork, work: TwistWork, damping: float) -> float:
     """The part of the twist that can be followed with some damping; what does it is taken if none tried does more."""
-    solve_damped(work.inverse, work.wanted, damping, work.tried)
-    part, cause, joint = pace(tick, reach, work, damping)
+    try_answer(tick, work, damping)
+    part, cause, joint = pace(tick, reach, work)
     if part > work.part[0] or part >= 1.0:
         for j in range(len(work.found)):
             work.found[j] = work.tried[j]
@@ -263,10 +279,9 @@ def any_of(x: Array) -> bool:
     return found
 
 
-def pace(tick: TickWork, reach: ReachWork, work: TwistWork, damping: float) -> tuple[float, int, int]:
+def pace(tick: TickWork, reach: ReachWork, work: TwistWork) -> tuple[float, int, int]:
     """The largest part from 0 to 1 of the displacement that is tried that keeps every limit; what limits it, where."""
     dof, limits, direction, ahead, near = len(tick.q), tick.limits, work.tried, work.planned, tick.near
-    find_bend(tick, work, damping)
     fast, first, speed, free, braking = 0, 0, math.inf, math.inf, math.inf
     for j in range(dof):
         size = max(abs(direction[j]), TINY)
@@ -304,14 +319,15 @@ def stopping(distance: float, braking: float) -> float:
     return braking_speed(max(distance, 0.0), braking, 1.0)
 
 
-def find_bend(tick: TickWork, work: TwistWork, damping: float) -> None:
-    """Fill by how much the displacement that is tried will have changed after it.
+def try_answer(tick: TickWork, work: TwistWork, damping: float) -> None:
+    """Fill the displacement to be tried for a whole twist with some damping, and by how much it will have changed then.
 
     Along singular poses that joints are drawn to from both sides, the change has the opposite sign beyond them: of one
     that would lead there and farther, and hardly moves the tool, the displacement takes as much as ends there.
     """
     dof, inverse, direction, bend, again = len(tick.q), work.inverse, work.tried, work.bend, work.planned
     idle = work.idle
+    solve_damped(inverse, work.wanted, damping, direction)
     fill_turn(tick, direction, work.weights, work.turn)
     fill_bend(inverse, work.wanted, direction, work.turn, damping, bend)
     multiply(inverse.jacobian, bend, inverse.rest)

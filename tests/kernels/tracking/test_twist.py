@@ -13,6 +13,7 @@ from jacokin.kernels.tracking.inverse import (
     decompose,
     fill_bend,
     make_inverse,
+    part_left,
     solve_damped,
 )
 from jacokin.kernels.tracking.tasks import LINK, PLACEMENT, fill_columns, place_joints
@@ -76,6 +77,20 @@ def test_what_no_damping_reaches_does_not_count(rng: np.random.Generator) -> Non
     damping = damping_leaving(inverse, y, 0.01)
     solve_damped(inverse, y, damping, x)
     assert 0.009 < np.linalg.norm(jacobian @ (x - exact)) <= 0.01
+
+
+def test_what_no_damping_reaches_is_in_directions_in_which_no_joint_leads(rng: np.random.Generator) -> None:
+    for dof in (4, 6, 7):
+        jacobian, y = rng.normal(size=(6, dof)), rng.normal(size=6)
+        inverse = make_inverse(dof)
+        inverse.jacobian[:] = jacobian.ravel()
+        decompose(inverse)
+        assert part_left(inverse, y) < 1e-9 * np.linalg.norm(y)
+        jacobian[2] = 0.0
+        inverse.jacobian[:] = jacobian.ravel()
+        decompose(inverse)
+        expected = abs(y[2]) if dof >= 6 else 0.0  # too few joints lead in as many directions as there are of them
+        assert part_left(inverse, y) == pytest.approx(expected, abs=1e-9)
 
 
 def tool_columns(tick: TickWork, q: Array) -> Array:

@@ -383,6 +383,44 @@ def test_what_is_given_away_of_a_twist_changes_gently(
     assert turns(v, robot.velocity_limit, DT) <= MORE
 
 
+@pytest.mark.parametrize(
+    ("arm", "number", "reference"),
+    [
+        (349, 3, "local_world_aligned"),
+        (404, 2, "world"),
+        pytest.param(341, 4, "local", marks=pytest.mark.slow),
+        pytest.param(412, 2, "world", marks=pytest.mark.slow),
+    ],
+)
+def test_a_twist_along_singular_poses_is_followed_smoothly_where_next_to_nothing_is_given_away(
+    tmp_path: Path, arm: int, number: int, reference: str
+) -> None:
+    """Joints jumped from tick to tick: what turned them round was less than what a tick leaves undone."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(random_arm(np.random.default_rng([5, arm])))
+    robot, rng = jacokin.load_robot(path), np.random.default_rng([number, 11])
+    way, axis = (x / np.linalg.norm(x) for x in rng.normal(size=(2, 3)))
+    twists = [0.1 * way, np.zeros(3)], [np.zeros(3), 0.4 * way], [0.1 * way, 0.3 * axis], [np.zeros(3), 0.4 * axis]
+    tracker = Tracker(robot, dt=DT, q=robot.sample(rng))
+    twist = np.concatenate(twists[number % 4])  # [m/s, rad/s]
+    v = np.array([tracker.step(twist=twist, reference=reference).v for _ in range(600)])
+    assert jolts(v, tracker.acceleration_limit, DT) <= JOLTS
+    assert turns(v, robot.velocity_limit, DT) <= MORE
+
+
+def test_an_arm_is_slower_by_what_of_a_twist_its_joints_cannot_lead(tmp_path: Path) -> None:
+    """Six joints about parallel axes follow the half of a twist that is in their plane, less fast than it is asked."""
+    path = tmp_path / "flat.urdf"
+    path.write_text(ur5_text(rows=[("0.1 0 0.02", "0 0 0", "0 0 1")] * 6, limit=3.0))
+    robot = jacokin.load_robot(path)
+    tracker = Tracker(robot, dt=DT, q=[0.4, 0.5, -0.6, 0.7, -0.8, 0.5])
+    twist = np.array([0.05, 0.0, 0.05, 0.0, 0.0, 0.0])  # [m/s]
+    before = [robot.forward_kinematics(tracker.step(twist=twist).q) for _ in range(50)][-1]
+    after = robot.forward_kinematics(tracker.step(twist=twist).q)
+    expected = [(1.0 - np.sqrt(0.5)) * 0.05 * DT, 0.0, 0.0]
+    np.testing.assert_allclose(after.translation - before.translation, expected, rtol=1e-3, atol=1e-6)
+
+
 # (d) By default accelerations are limited.
 
 
