@@ -51,7 +51,10 @@ def controllable(high: Array, tilt: Array, half: float, ahead: float) -> float:
 
     Every lower bound of u must stay below every upper one; both are linear in x.
     """
-    most = math.inf
+    most, least_tilt, most_tilt = math.inf, math.inf, -math.inf
+    for i in range(len(high)):
+        least_tilt, most_tilt = min(least_tilt, tilt[i]), max(most_tilt, tilt[i])
+    crossing = most_tilt - least_tilt > STILL  # on straight lines none do
     for i in range(len(high)):
         if high[i] == math.inf:
             continue
@@ -59,7 +62,7 @@ def controllable(high: Array, tilt: Array, half: float, ahead: float) -> float:
             most = min(most, high[i] / (tilt[i] - half))
         if half - tilt[i] > STILL:
             most = min(most, (half * ahead + high[i]) / (half - tilt[i]))
-        for k in range(len(high)):
+        for k in range(len(high) if crossing else 0):
             if tilt[i] - tilt[k] > STILL:
                 most = min(most, (high[i] + high[k]) / (tilt[i] - tilt[k]))
     return most

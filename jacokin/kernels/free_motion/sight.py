@@ -16,6 +16,8 @@ from jacokin.kernels.contact.touching import find_touching
 LOOKS = 6.0  # [1/rad] places of a motion that seems clear, where it comes near to something
 SWEPT = 0.3  # [rad] motions on which the joints turn less in sum are not swept
 MOST_SWEPT = 8.0  # [rad] in sum, by one sweep
+#: What is known of a motion that was looked at in some places.
+IS_BLOCKED, SEEMS_CLEAR, IS_CERTAIN = range(3)
 
 
 class Sight(NamedTuple):
@@ -30,13 +32,13 @@ def is_free(sight: Sight, q: Array) -> bool:
     contact = sight.contact
     counts = counts_of(contact)
     place_links(contact.geometry.arm, counts.dof, counts.groups, q, contact.places)
-    return not is_near(contact, 0.0)
+    return not is_near(contact)
 
 
-def is_near(contact: ContactWork, extra: float) -> bool:
+def is_near(contact: ContactWork) -> bool:
     """Whether something is too near where all is placed for a motion to be certified; then the pair is left, too."""
     course, numbers = contact.course, contact.numbers
-    margin = numbers[ContactNumber.MARGIN_KEPT] + numbers[ContactNumber.SLACK] + extra
+    margin = numbers[ContactNumber.MARGIN_KEPT] + numbers[ContactNumber.SLACK]
     counts = counts_of(contact)
     if find_touching(contact.geometry, counts, contact.places, contact.hits, margin, -math.inf, False):
         course.pair[0], course.pair[1] = contact.hits.pairs[0, 0], contact.hits.pairs[0, 1]
@@ -44,17 +46,17 @@ def is_near(contact: ContactWork, extra: float) -> bool:
     return False
 
 
-def is_blocked_midway(sight: Sight, start: Array, extra: float) -> bool:
+def is_blocked_midway(sight: Sight, start: Array) -> bool:
     """Whether something is too near in the middle of the motion whose step is set."""
     contact = sight.contact
     look_at(contact.geometry, counts_of(contact), contact.places, contact.course, start, 0.5)
-    return is_near(contact, extra)
+    return is_near(contact)
 
 
-def seems_clear(sight: Sight, start: Array, end: Array, extra: float) -> bool:
-    """Whether a straight motion between free configurations is clear wherever it is looked at, see `moves_clear`.
+def look_along(sight: Sight, start: Array, end: Array) -> int:
+    """Whether a straight motion between free configurations is clear wherever it is looked at, or certainly.
 
-    It is swept, and looked at where a sweep finds something near.
+    It is swept, and looked at where a sweep finds something near. Where it finds nothing, `moves_clear` is certain.
     """
     contact, longest = sight.contact, 0.0
     course, counts = contact.course, counts_of(contact)
@@ -62,16 +64,17 @@ def seems_clear(sight: Sight, start: Array, end: Array, extra: float) -> bool:
     for j in range(counts.dof):
         longest = max(longest, abs(course.step[j]))
     if longest * LOOKS < 1.0:
-        return True
-    if is_blocked_midway(sight, start, extra):
-        return False
-    margin = contact.numbers[ContactNumber.MARGIN_KEPT] + contact.numbers[ContactNumber.SLACK] + extra
-    sweeps = math.ceil(turned / MOST_SWEPT)
+        return SEEMS_CLEAR
+    if is_blocked_midway(sight, start):
+        return IS_BLOCKED
+    margin = contact.numbers[ContactNumber.MARGIN_KEPT] + contact.numbers[ContactNumber.SLACK]
+    sweeps, known = math.ceil(turned / MOST_SWEPT), IS_CERTAIN
     for k in range(sweeps):
         waiting = sweep_along(sight, start, k / sweeps, (k + 1) / sweeps, margin)
         if waiting == TOUCHES_THERE:
-            return False
+            return IS_BLOCKED
         for part in range(waiting):
+            known = SEEMS_CLEAR
             low, high = course.waiting[part, 0], course.waiting[part, 1]
             looks = 1 + int((high - low) * longest * LOOKS)
             for i in range(looks):
@@ -80,8 +83,8 @@ def seems_clear(sight: Sight, start: Array, end: Array, extra: float) -> bool:
                 first, last = course.spans[part, 0], course.spans[part, 1]
                 if touch_rows(contact.geometry, contact.places, contact.hits, course.near, first, last, margin):
                     course.pair[0], course.pair[1] = contact.hits.pairs[0, 0], contact.hits.pairs[0, 1]
-                    return False
-    return True
+                    return IS_BLOCKED
+    return known
 
 
 def moves_clear(sight: Sight, start: Array, end: Array, extra: float) -> bool:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.free_motion.sight import Sight, is_free, moves_clear, seems_clear
+from jacokin.kernels.free_motion.sight import IS_BLOCKED, IS_CERTAIN, Sight, is_free, look_along, moves_clear
 from jacokin.kernels.free_motion.space import (
     Hindrances,
     Space,
@@ -56,6 +56,7 @@ class Trees(NamedTuple):
 
     q: Array  # (2 room dof,) [rad]
     parents: NDArray[np.int64]  # (2 room,) numbers within each tree, NONE at a root
+    known: NDArray[np.int64]  # (2 room,) of the motion from there, see `look_along`
     integers: NDArray[np.int64]  # (SEARCH_INTEGERS,)
     numbers: Array  # (SEARCH_NUMBERS,)
     sample: Array  # (dof,) [rad]
@@ -73,8 +74,9 @@ def make_trees(dof: int, room: int) -> Trees:
     integers, numbers = np.zeros(SearchInteger.COUNT, np.int64), np.full(SearchNumber.COUNT, np.inf)
     sample, step, end = np.zeros((3, dof))
     q, columns = np.empty((2, 2 * room * dof))
-    parents, squares, around = np.empty(2 * room, np.int64), np.zeros(BLOCK), np.zeros(2 * dof)
-    return Trees(q, parents, integers, numbers, sample, step, end, columns, squares, around)
+    parents, known = np.empty((2, 2 * room), np.int64)
+    squares, around = np.zeros(BLOCK), np.zeros(2 * dof)
+    return Trees(q, parents, known, integers, numbers, sample, step, end, columns, squares, around)
 
 
 def plant(
@@ -86,13 +88,13 @@ def plant(
         integers[k] = 0
     integers[SearchInteger.MET_FIRST], integers[SearchInteger.MET_SECOND] = NONE, NONE
     trees.numbers[SearchNumber.NEAREST], integers[SearchInteger.ROOT_COUNT] = math.inf, roots
-    add(trees, space, dof, 0, start, NONE)
+    add(trees, space, dof, 0, start, NONE, IS_CERTAIN)
     around = trees.around
     for j in range(dof):
         around[j], around[dof + j] = start[j] - NEAR, start[j] + NEAR
     for k in range(roots):
         goal = goals[chosen[k] * dof : (chosen[k] + 1) * dof]
-        add(trees, space, dof, 1, goal, NONE)
+        add(trees, space, dof, 1, goal, NONE, IS_CERTAIN)
         difference(space, dof, start, goal, trees.step)
         for j in range(dof):
             around[j] = min(around[j], start[j] + trees.step[j] - NEAR)
@@ -104,8 +106,8 @@ def node_at(trees: Trees, dof: int, tree: int, node: int) -> int:
     return (tree * (len(trees.parents) // 2) + node) * dof
 
 
-def add(trees: Trees, space: Space, dof: int, tree: int, q: Array, parent: int) -> int:
-    """Add a configuration; its number, or NONE where there is no room."""
+def add(trees: Trees, space: Space, dof: int, tree: int, q: Array, parent: int, known: int) -> int:
+    """Add a configuration, and what is known of the motion to it; its number, or NONE where there is no room."""
     room, node = len(trees.parents) // 2, trees.integers[tree]
     if node == room:
         trees.integers[SearchInteger.IS_FULL] = 1
@@ -114,7 +116,7 @@ def add(trees: Trees, space: Space, dof: int, tree: int, q: Array, parent: int) 
     for j in range(dof):
         angle = q[j] - TURN * math.floor(q[j] / TURN + 0.5) if space.unlimited[j] else q[j]
         trees.q[at + j] = trees.columns[(tree * dof + j) * room + node] = angle
-    trees.parents[tree * room + node] = parent
+    trees.parents[tree * room + node], trees.known[tree * room + node] = parent, known
     trees.integers[tree] = node + 1
     return int(node)
 
@@ -268,10 +270,11 @@ def grow(trees: Trees, space: Space, dof: int, sight: Sight, hindrances: Hindran
         end[j] = min(max(start[j] + share * trees.step[j], space.lower[j]), space.upper[j])
     if not is_worth(trees, space, dof, end):
         return NONE
-    if not (is_free(sight, end) and seems_clear(sight, start, end, 0.0)):
+    known = look_along(sight, start, end) if is_free(sight, end) else IS_BLOCKED
+    if known == IS_BLOCKED:
         remember(hindrances, sight.contact.course.pair)
         return NONE
-    return add(trees, space, dof, tree, end, node)
+    return add(trees, space, dof, tree, end, node, known)
 
 
 def connect(trees: Trees, space: Space, dof: int, sight: Sight, hindrances: Hindrances, tree: int, q: Array) -> int:
@@ -294,6 +297,9 @@ def is_branch_clear(
     first = tree * (len(trees.parents) // 2)
     while trees.parents[first + node] != NONE:
         parent = trees.parents[first + node]
+        if trees.known[first + node] == IS_CERTAIN:
+            node = parent
+            continue
         at = (first + parent) * dof
         start, end = trees.q[at : at + dof], trees.end
         difference(space, dof, start, trees.q[(first + node) * dof :], trees.step)

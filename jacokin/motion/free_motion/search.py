@@ -298,7 +298,7 @@ class WaySearch:
         trees = make_trees(dof, more)
         for tree in range(2):
             old, new = slice(tree * room, (tree + 1) * room), slice(tree * more, tree * more + room)
-            trees.parents[new] = work.trees.parents[old]
+            trees.parents[new], trees.known[new] = work.trees.parents[old], work.trees.known[old]
             trees.q.reshape(-1, dof)[new] = work.trees.q.reshape(-1, dof)[old]
         trees.columns.reshape(2 * dof, more)[:, :room] = work.trees.columns.reshape(2 * dof, room)
         trees.integers[:], trees.numbers[:], trees.around[:] = (
