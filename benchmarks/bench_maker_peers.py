@@ -141,9 +141,7 @@ class _Certified:
         self.contact: Contact = self._contact_of(self._empty)
 
     def _contact_of(self, solver: IKSolver) -> Contact:
-        search = search_of(solver)
-        assert search is not None
-        return search.contact
+        return search_of(solver).contact
 
     def build(self, problem: BenchProblem) -> None:
         self.contact = self._contact_of(self._empty.in_scene(to_scene(problem.solids)))

@@ -29,8 +29,9 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.motion.free_motion.plan_motion import search_of
 from jacokin.motion.free_motion.search import Randomness
-from jacokin.motion.free_motion.sections import fit_time
+from jacokin.motion.free_motion.timed_course import fit_time
 from jacokin.motion.joint_motion import ACCELERATION
+from jacokin.motion.rows import Limits
 
 STEP = 0.002  # [rad] of the referee
 DEEP = 1e-5  # [m] what is less deep may be rounding: VAMP computes in single precision
@@ -77,14 +78,13 @@ class Timer:
         robot = self._robot
         self._world.build(problem)
         search = search_of(self._world.solver)
-        assert search is not None
-        search.begin(problem.start, problem.goal[None], robot.velocity_limit, Randomness())
+        full, hard = robot.velocity_limit, np.full(robot.dof, ACCELERATION)
+        search.begin(problem.start, problem.goal[None], full, Limits(full, hard), Randomness())
         path, cuts = search.cut_corners(path)
         certain = [search.contact.in_the_way(a, b) is None for a, b in pairwise(path)]
         for corner in range(1, len(path) - 1):
             if not (certain[corner - 1] and certain[corner]):
                 cuts[corner] = 0.0
-        full, hard = robot.velocity_limit, np.full(robot.dof, ACCELERATION)
         timed = fit_time(path, cuts, full, full, hard)
         rows = timed.at(np.linspace(0.0, timed.duration, max(2, int(timed.duration / DT))))[0]
         return timed.duration, length_of(rows)

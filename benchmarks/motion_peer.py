@@ -28,7 +28,8 @@ from jacokin.model.angles import nearest_copy
 from jacokin.model.contact import Contact
 from jacokin.motion.free_motion.plan_motion import GoalFinder, search_of
 from jacokin.motion.free_motion.search import Randomness
-from jacokin.motion.free_motion.sections import fit_time
+from jacokin.motion.free_motion.timed_course import fit_time
+from jacokin.motion.rows import Limits
 
 WAYS = (1, 2, 4, 16)
 
@@ -158,10 +159,10 @@ def ask(plan: Plan, problem: Problem, limit: float) -> Answer | None:
     """The answer of a peer; None where it finds no way within the limit [s]."""
     solver, robot = problem.solver, problem.solver.robot
     search = search_of(solver)
-    assert search is not None
     goals, _ = GoalFinder(solver, problem.start, Randomness()).find_all([problem.goal])
     ends = Ends(search.contact, [goal.q for goal in goals if not search.contact.touches(goal.q)])
-    search.begin(problem.start, np.array(ends.clear), robot.velocity_limit, Randomness())
+    full, hard = robot.velocity_limit, np.full(robot.dof, ACCELERATION)
+    search.begin(problem.start, np.array(ends.clear), full, Limits(full, hard), Randomness())
     begin = time.process_time()
     found = plan(problem, ends, limit)
     taken = 1e3 * (time.process_time() - begin)
@@ -173,7 +174,6 @@ def ask(plan: Plan, problem: Problem, limit: float) -> Answer | None:
     rows = np.array(way)
     rows = rows[np.append(True, np.abs(np.diff(rows, axis=0)).max(axis=1) > 1e-9)]
     certified = all(search.contact.in_the_way(a, b) is None for a, b in pairwise(rows))
-    full, hard = robot.velocity_limit, np.full(robot.dof, ACCELERATION)
     return Answer(taken, fit_time(*search.cut_corners(rows), full, full, hard).duration, certified)
 
 

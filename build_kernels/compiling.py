@@ -162,6 +162,7 @@ _CALLED = frozenset(
         "solve_fold",
         "sort_rows",
         "starts_of_g",
+        "stays_clear",
         "take_clear",
         "take_nearest",
         "tangent7",

@@ -1,7 +1,7 @@
 """The least time from rest along a way whose corners are cut: its lines and parabolas, and how fast these are passed.
 
-See `motion.free_motion.sections` for what a course is, and `speeds` for how speeds are found. On lines and parabolas
-the limits of an interval are linear functions of its place, so those at both ends are all.
+See `motion.free_motion.timed_course` for what a course is, and `speeds` for how speeds are found. On lines and
+parabolas the limits of an interval are linear functions of its place, so those at both ends are all.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from jacokin.kernels.configurations.dynamics import (
     make_torque_work,
 )
 from jacokin.kernels.configurations.kinematics import make_frame_work, place_frames
+from jacokin.kernels.contact.between import check_between, make_check_work
 from jacokin.kernels.contact.cloud_tree import build_cloud, make_cloud_tree
 from jacokin.kernels.contact.near_points import find_near_points, make_near_work
 from jacokin.kernels.contact.run import make_contact_work, run_contact
@@ -25,14 +26,7 @@ from jacokin.kernels.contact.world import build_world, make_world_work
 from jacokin.kernels.course_times import fit_course_times, make_course_work
 from jacokin.kernels.few_joints import make_few_work, take_few
 from jacokin.kernels.free_motion.run import make_motion_work, run_free_motion
-from jacokin.kernels.motion_rows import (
-    average_rows,
-    look_between,
-    make_average_work,
-    make_between_work,
-    make_sample_work,
-    sample_course,
-)
+from jacokin.kernels.motion_rows import average_rows, look_between, make_average_work, make_between_work
 from jacokin.kernels.rest_to_rest import fit_rest_to_rest, make_rest_work
 from jacokin.kernels.rung_links import link_rungs, make_link_work
 from jacokin.kernels.six_joints.ranking import make_rank_work, rank_labellings
@@ -62,9 +56,9 @@ ENTRIES = (
     Entry(link_rungs, make_link_work),
     Entry(fit_speeds, make_speed_work),
     Entry(fit_course_times, make_course_work),
-    Entry(sample_course, make_sample_work),
     Entry(average_rows, make_average_work),
     Entry(look_between, make_between_work),
+    Entry(check_between, make_check_work),
     Entry(fit_rest_to_rest, make_rest_work),
     Entry(find_closest, make_closest_work),
     Entry(run_tick, make_run_work),

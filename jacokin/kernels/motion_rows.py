@@ -1,16 +1,19 @@
 """Rows of a motion, one for each tick: taken from a timed course, averaged, and what happens between two of them.
 
-See `motion.free_motion.sections` for what a timed course is, and `motion.rows` for why rows are averaged.
+See `motion.free_motion.timed_course` for what a timed course is, and `motion.rows` for why rows are averaged.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+
+ROUNDED = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
 
 
 class SampleWork(NamedTuple):
@@ -60,7 +63,7 @@ def sample_course(work: SampleWork) -> int:
 class AverageWork(NamedTuple):
     """What is read and written to average rows; arrays may have more room."""
 
-    counts: NDArray[np.int64]  # (3,) joints, configurations, and over how many ticks
+    counts: NDArray[np.int64]  # (3,) joints, configurations, and over how many ticks, see `ticks_averaged`
     dt: Array  # (1,) [s]
     taken: Array  # (n dof,) configurations `dt` apart [rad]
     q: Array  # (m dof,) filled in for the m = n + ticks + 1 rows [rad]
@@ -96,6 +99,46 @@ def average_rows(work: AverageWork) -> int:
             point, step = point + ahead, ahead
         work.q[j], work.q[(count - 1) * dof + j] = taken[j], taken[last * dof + j]
     return int(count)
+
+
+def ticks_averaged(taken: Array, dof: int, count: int, limits: Array, dt: float) -> int:
+    """Over how many ticks to average configurations (count dof,) `dt` apart: 1 if no jerk is limited.
+
+    The jerk is the difference of two accelerations so many ticks apart, divided by their time; twice the acceleration
+    over its limit is always enough of it. Limits are those of velocity, acceleration and jerk of each joint in turn.
+    """
+    most = 0.0
+    for j in range(dof):
+        jerk = limits[3 * j + 2] * dt * dt * dt
+        if jerk < math.inf:
+            for k in range(count):
+                most = max(most, abs(second_difference(taken, dof, count, k, j)) / jerk)
+    low, high = max(math.ceil(most), 1), max(math.ceil(2.0 * most), 1)
+    while low < high:  # the larger one always holds
+        middle = (low + high) // 2
+        if holds_jerk(taken, dof, count, limits, dt, middle):
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+def holds_jerk(taken: Array, dof: int, count: int, limits: Array, dt: float, ticks: int) -> bool:
+    """Whether accelerations so many ticks apart differ little enough."""
+    for j in range(dof):
+        most = ticks * ROUNDED * limits[3 * j + 2] * dt * dt * dt
+        for k in range(count + ticks if most < math.inf else 0):
+            ahead = second_difference(taken, dof, count, k, j) if k < count else 0.0
+            behind = second_difference(taken, dof, count, k - ticks, j) if k >= ticks else 0.0
+            if abs(ahead - behind) > most:
+                return False
+    return True
+
+
+def second_difference(taken: Array, dof: int, count: int, k: int, j: int) -> float:
+    """How a joint's step changes at one of some configurations, before and after which it stands still."""
+    before, after = taken[max(k - 1, 0) * dof + j], taken[min(k + 1, count - 1) * dof + j]
+    return float(after - taken[k * dof + j] - (taken[k * dof + j] - before))
 
 
 class BetweenWork(NamedTuple):

@@ -372,6 +372,8 @@ def positive_vector(name: str, value: ArrayLike, size: int, unit: str, *, infini
     Raises:
         InvalidInputError: wrong shape, not numbers, not finite (unless `infinite`: inf is taken) or not positive.
     """
+    if type(value) is float and 0.0 < value < math.inf:  # what most calls bring
+        return sealed(np.full(size, value))
     given = array(name, value, f"one number or {size}", unit)
     full = np.full(size, given) if given.ndim == 0 else given
     vector(name, np.where(np.isposinf(full), 1.0, full) if infinite else full, size, unit)

@@ -19,9 +19,11 @@ from jacokin.arrays import Array
 from jacokin.errors import ModelError
 from jacokin.kernels.contact import run
 from jacokin.kernels.contact.arm import LAST_PAIR
+from jacokin.kernels.contact.between import CheckWork, check_between, make_check_work
 from jacokin.kernels.contact.run import ContactWork, among, make_contact_work, run_contact
 from jacokin.kernels.contact.shapes import CENTRE, LINK, SIZE
 from jacokin.kernels.library import Call, SharedCalls
+from jacokin.kernels.motion_rows import make_between_work
 from jacokin.model import poses
 from jacokin.model.contact_arrays import ShapeRow, arm_arrays, joints_about_z
 from jacokin.model.obstacles import NOTHING_AROUND, OtherRobot, Surroundings
@@ -43,6 +45,7 @@ Pair = tuple[str, str]
 
 #: What the arm's contact is found with in one scene after another: at one configuration, and at some at once.
 _for_one, _for_rows = SharedCalls(run_contact), SharedCalls(run_contact)
+_between_rows = SharedCalls(check_between)
 
 
 class NearestPair(NamedTuple):
@@ -215,6 +218,26 @@ class Contact:
         answers = self._answers(self._call(), task, rows, margin=margin, slack=slack)
         found = [value[:, 0] != 0.0 for value, _ in answers]
         return np.concatenate([np.zeros(0, dtype=np.bool_), *found])
+
+    def between_rows(self, rows: int) -> Call[CheckWork]:
+        """What looks at so many rows of a motion and between them, in this thread; angles and limits are to be set."""
+        dof = len(self.geometry.arm.joint_kinds)
+        try:
+            call: Call[CheckWork] = self._local.between
+        except AttributeError:
+            call = _between_rows.call(self.geometry.arm, partial(make_check_work, self.geometry), self._among)
+            numbers = call.work.contact.numbers
+            numbers[run.ContactNumber.MARGIN_KEPT], numbers[run.ContactNumber.SLACK] = self._clearance, REFUSED_WITHIN
+            call.work.between.levers[:] = self.levers
+        if rows > len(call.work.between.reach):
+            more = make_between_work(dof, 2 * rows)
+            more.levers[:] = self.levers
+            call = Call(check_between, call.work._replace(between=more), call)
+        self._local.between = call
+        return call
+
+    def _among(self, work: CheckWork) -> CheckWork:
+        return work._replace(contact=among(work.contact, self.geometry))
 
     def _nearest(self, task: int, rows: Array, self_collision: bool) -> list[NearestPair]:
         return [
@@ -399,6 +422,12 @@ def self_contact(robot: Robot) -> SelfContact:
         ShapeError: the description's shapes cannot be loaded.
     """
     return checked_robot("robot", robot).once(SelfContact)
+
+
+def contact_of_nothing(robot: Robot) -> Contact:
+    """Contact of a robot whose shapes are not known: nothing touches."""
+    arrays = arm_arrays(joints_about_z(robot.pin_model), [], [], [])
+    return Contact(robot, found=among_nothing([], arrays, 0))
 
 
 class ContactInWorld:

@@ -22,8 +22,8 @@ from jacokin.errors import InvalidInputError
 from jacokin.ik.results import Frozen
 from jacokin.ik.seeds import ON_LIMIT
 from jacokin.kernels.library import Calls
-from jacokin.kernels.motion_rows import average_rows, look_between, make_average_work, make_between_work
-from jacokin.model.contact import REFUSED_WITHIN, Contact
+from jacokin.kernels.motion_rows import BetweenWork, average_rows, look_between, make_average_work, make_between_work
+from jacokin.model.contact import Contact
 from jacokin.model.robot import Robot, unit_of
 
 WHOLE_TICK = 1e-9  # a duration this near to whole ticks is whole; division rounds
@@ -32,7 +32,6 @@ HELD = 1.0 + 1e-9  # times a limit; what is beyond is no rounding
 ATTEMPTS = 30  # to find how slow a motion must be
 LEAST_SLOWER = 1.001  # from attempt to attempt
 ROWS_AT_ONCE = 1000  # that are looked at between each other
-STEPS_AT_ONCE = 4  # from row to row, that are certified by one line
 FINEST = 5e-4  # [s] a step from row to row that needs no halving: in it no arm leaves the line by more than 0.1 um
 
 _average = Calls(average_rows, make_average_work, kept=20_000)  # rows
@@ -162,31 +161,27 @@ def sample(at: Callable[[Array], Array], duration: float, dt: float, slower: flo
     return np.asarray(np.clip(found, low, high))  # a mean of equal values may round
 
 
-def averaged_rows(taken: Array, dt: float, jerk: Array | None = None) -> tuple[Rows, int]:
-    """Rows of a motion from rest to rest, averaged over ticks, and over how many: one if the jerk is not limited.
+def averaged_rows(taken: Array, dt: float) -> Rows:
+    """Rows of a motion from rest to rest whose jerk is not limited.
 
-    The rows are those of the cubic B-spline whose control points are the averages. Its velocities and accelerations are
+    The rows are those of the cubic B-spline whose control points it goes through. Its velocities and accelerations are
     means of the motion's own: limits that the motion holds, jumps of acceleration included, hold at every instant, and
-    no joint passes an angle that it did not pass. The jerk is the difference of two accelerations so many ticks apart,
-    divided by their time; twice the acceleration over the jerk limit is always enough of it.
+    no joint passes an angle that it did not pass.
 
     On a straight line the motion stays on it; corners are cut.
 
     Args:
-        taken: configurations (n, dof) of the motion, `dt` apart [rad]; it takes as many more steps as are averaged, and
-            one.
+        taken: configurations (n, dof) of the motion, `dt` apart [rad]; it takes two more steps.
         dt: control step [s].
-        jerk: (dof,) limits [rad/s^3]; None for none.
     """
-    ticks = 1 if jerk is None else _ticks_averaged(np.diff(_at_rest(taken, 1), n=2, axis=0), jerk * dt**3)
     count, dof = taken.shape
-    more = count + ticks + 1
+    more = count + 2
     call = _average.with_room(dof, more)
     work = call.work
-    work.counts[:], work.dt[0], work.taken[: taken.size] = (dof, count, ticks), dt, taken.ravel()
+    work.counts[:], work.dt[0], work.taken[: taken.size] = (dof, count, 1), dt, taken.ravel()
     call()
     q, v, a = (each[: more * dof].reshape(more, dof).copy() for each in (work.q, work.v, work.a))
-    return Rows(dt * np.arange(more, dtype=np.float64), q, v, a), ticks
+    return Rows(dt * np.arange(more, dtype=np.float64), q, v, a)
 
 
 def controlled_rows(points: Array, steps: Array, dt: float) -> Rows:
@@ -202,51 +197,22 @@ def controlled_rows(points: Array, steps: Array, dt: float) -> Rows:
     return Rows(t, points + change / 6.0, 0.5 * (steps[:-1] + steps[1:]) / dt, change / dt**2)
 
 
-def _at_rest(q: Array, ticks: int) -> Array:
-    """Configurations (n, dof), with so many more ticks at rest on both sides."""
-    return np.concatenate([np.repeat(q[:1], ticks, axis=0), q, np.repeat(q[-1:], ticks, axis=0)])
-
-
-def _ticks_averaged(second: Array, jerk: Array) -> int:
-    """Over how many ticks to average, for second differences (n, dof) and limits of the third (dof,)."""
-    most = float((np.abs(second) / jerk).max())
-
-    def holds(ticks: int) -> bool:
-        """Differences of accelerations so many ticks apart are small enough."""
-        padded = np.concatenate([np.zeros((ticks, second.shape[1])), second, np.zeros((ticks, second.shape[1]))])
-        return bool((np.abs(padded[ticks:] - padded[:-ticks]) / jerk).max() <= ticks * HELD)
-
-    low, high = max(math.ceil(most), 1), max(math.ceil(2.0 * most), 1)
-    while low < high:  # `high` always holds
-        middle = (low + high) // 2
-        if holds(middle):
-            high = middle
-        else:
-            low = middle + 1
-    return high
-
-
 def past_limits(rows: Rows, lower: Array, upper: Array) -> Array:
     """How far each step (n - 1, dof) passes limits (dof,), beyond what its rows do [rad]; 0 where it does not."""
-    found, (steps, _) = np.zeros((len(rows.t) - 1, len(lower))), _look_between(rows, lower, upper)
+    count, dof = rows.q.shape
+    call, found = _look.with_room(dof, count), np.zeros((count - 1, dof))
+    _give(call.work, rows, lower, upper)
+    steps = call.work.beyond[: call()]
     found[steps] = _past(rows, steps, lower, upper)
     return found
 
 
-def _look_between(
-    rows: Rows, lower: Array, upper: Array, levers: Array | None = None
-) -> tuple[NDArray[np.int64], Array]:
-    """The steps (m,) that could pass limits (dof,) [rad], and how far points leave their ways on each (n - 1,) [m].
-
-    That is 0 without levers (dof,). It is overwritten by the next call.
-    """
-    count, dof = rows.q.shape
-    call = _look.with_room(dof, count)
-    work = call.work
-    work.counts[:], work.dt[0] = (dof, count), rows.t[1]
-    work.q[: count * dof], work.a[: count * dof] = rows.q.ravel(), rows.a.ravel()
-    work.lower[:dof], work.upper[:dof], work.levers[:dof] = lower, upper, 0.0 if levers is None else levers
-    return work.beyond[: call()].copy(), work.reach[: count - 1]
+def _give(work: BetweenWork, rows: Rows, lower: Array, upper: Array) -> None:
+    """Let kernels look between rows, at what could pass limits (dof,) [rad]."""
+    (count, dof), size = rows.q.shape, rows.q.size
+    work.counts[0], work.counts[1], work.dt[0] = dof, count, rows.t[1]
+    work.q[:size], work.a[:size] = rows.q.reshape(size), rows.a.reshape(size)
+    work.lower[:dof], work.upper[:dof] = lower, upper
 
 
 def _past(rows: Rows, steps: NDArray[np.int64], lower: Array, upper: Array) -> Array:
@@ -273,45 +239,27 @@ class OnTheWay(NamedTuple):
     """What controllers must not run into on their way from row to row."""
 
     robot: Robot
-    contact: Contact | None
-    """What may touch; None where that is not looked at."""
+    contact: Contact
+    """What may touch."""
 
     def fault(self, rows: Rows) -> str:
-        """What happens between two rows that happens at none of them, in a few words; "" for nothing.
-
-        Between two rows an acceleration a leaves the straight line by at most a dt^2 / 8, and the spline leaves its
-        control points by a dt^2 / 6. Where all of that is less than what certified motions keep free,
-        there is nothing to look at.
-        """
-        if len(rows.q) == 1:
+        """What happens between two rows that happens at none of them, in a few words; "" for nothing."""
+        count = len(rows.q)
+        if count == 1:
             return ""
         lower, upper = self.robot.lower, self.robot.upper
-        beyond, reach = _look_between(rows, lower, upper, None if self.contact is None else self.contact.levers)
-        if len(beyond):
-            past = _past(rows, beyond, lower, upper).max(axis=0)
+        call = self.contact.between_rows(count)
+        work = call.work
+        _give(work.between, rows, lower, upper)
+        step = call()
+        if work.beyond[0]:
+            past = _past(rows, work.between.beyond[: work.beyond[0]], lower, upper).max(axis=0)
             if past.max() > ON_LIMIT:
                 return f"{self.robot.joint_names[int(np.argmax(past))]} could pass its limit"
-        if self.contact is None:
+        if step < 0:
             return ""
-        wide, last = 3.0 * reach > REFUSED_WITHIN, len(reach)
-        if not wide.any():
-            return ""
-        # Some steps by one chord, which they leave by at most the square of their number times as much; those of
-        # chords that are near something one by one.
-        starts = np.arange(0, last, STEPS_AT_ONCE)
-        starts = starts[np.logical_or.reduceat(wide, starts)]
-        ends = np.minimum(starts + STEPS_AT_ONCE, last)
-        extra = (STEPS_AT_ONCE**2 + 1) * float(reach.max())
-        near = self.contact.are_in_the_way(rows.q[starts], rows.q[ends], extra)
-        steps = [row for first in starts[near].tolist() for row in range(first, min(first + STEPS_AT_ONCE, last))]
-        for row in steps:
-            if not wide[row]:
-                continue
-            pair = self.contact.in_the_way(rows.q[row], rows.q[row + 1], extra=float(reach[row]))
-            # What is near at a row itself is being left, or landed at: that was looked at closely.
-            if pair is not None and all(self.contact.in_the_way(q, q) is None for q in rows.q[row : row + 2]):
-                return f"{pair[0]} could touch {pair[1]}"
-        return ""
+        a, b = work.contact.course.pair.tolist()
+        return " could touch ".join(self.contact.ordered(a, b, by_kind=True))
 
 
 def coarse(asked: float, dt: float, fault: str) -> str:

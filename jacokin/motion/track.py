@@ -273,7 +273,7 @@ class _Follower:
         limits = Limits(tracker.velocity_limit, tracker.acceleration_limit)
         if self._rehearsal is not None and float(limits.strain(rows).max()) > HELD:
             # Ticks that brake as hard as they may: a spline through them swings.
-            rows, _ = averaged_rows(q, tracker.dt)
+            rows = averaged_rows(q, tracker.dt)
             steps, u = [steps[0], *steps, steps[-1]], np.concatenate([u[:1], u, u[-1:]])
             steps = [self._at_row(*row) for row in zip(steps, rows.q, self._path.at(u), strict=True)]
         return Trajectory(

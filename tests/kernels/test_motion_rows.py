@@ -9,8 +9,15 @@ import pytest
 
 from jacokin.arrays import Array
 from jacokin.kernels.library import Call
-from jacokin.kernels.motion_rows import average_rows, look_between, make_average_work, make_between_work
-from jacokin.motion.free_motion.sections import fit_time
+from jacokin.kernels.motion_rows import (
+    average_rows,
+    look_between,
+    make_average_work,
+    make_between_work,
+    make_sample_work,
+    sample_course,
+)
+from jacokin.motion.free_motion.timed_course import fit_time
 from tests.kernels.plain import PlainCall
 
 DT = 0.01  # [s]
@@ -24,8 +31,16 @@ def test_a_course_is_sampled_where_it_is_at_each_time(rng: np.random.Generator, 
     cuts = np.array([0.0, *0.4 * np.minimum(lengths[:-1], lengths[1:]), 0.0])
     cuts[2:3] = 0.0  # one corner is a stop
     timed = fit_time(way, cuts, np.ones(6), np.ones(6), np.ones(6))
+    places, work = len(timed.t), make_sample_work(6, 701, len(timed.t))
+    work.begins[: len(timed.begins)], work.piece[:] = timed.begins, timed.piece
+    work.t[:], work.s[:], work.speed[:], work.span[0] = timed.t, timed.s, timed.speed, timed.duration
+    for array, values in ((work.at, timed.q), (work.slope, timed.slope), (work.bend, timed.bend)):
+        array[: values.size] = values.ravel()
+    work.lower[:], work.upper[:] = way.min(axis=0), way.max(axis=0)
     for steps in (1, 2, 700):
-        found = timed.sampled(steps, way)
+        work.counts[:] = 6, steps + 1, places
+        assert sample_course(work) == steps + 1
+        found = work.q[: 6 * (steps + 1)].reshape(-1, 6)
         assert (way.min(axis=0) <= found).all()
         assert (found <= way.max(axis=0)).all()
         np.testing.assert_allclose(found, timed.at(np.linspace(0.0, timed.duration, steps + 1))[0], rtol=0, atol=1e-13)

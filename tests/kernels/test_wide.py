@@ -63,7 +63,7 @@ def test_ways_are_the_same_with_wider_vectors() -> None:
         call, _ = problem()
         call._function = each  # one of two forms of it
         search(call)
-        while ask(call, run.MotionTask.SHORTEN, 50) != run.FINISHED:
+        while ask(call, run.MotionTask.FIND_WAYS, 50) != run.FINISHED:
             pass
         found.append((way_of(call).tobytes(), call.work.cuts.tobytes()))
     assert found[0] == found[1]

@@ -13,9 +13,12 @@ from jacokin import Robot
 from jacokin.arrays import Array
 from jacokin.errors import InvalidInputError
 from jacokin.ik import Box, Scene
+from jacokin.kernels.motion_rows import average_rows, make_average_work, ticks_averaged
+from jacokin.model.contact import contact_of_nothing
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.rows import (
     OnTheWay,
+    Rows,
     averaged_rows,
     halved,
     joined,
@@ -90,7 +93,9 @@ def test_jumps_of_acceleration_are_held(dt: float, length: float) -> None:
 
     for jerk in (None, 0.3, 4.0, 1e3):
         taken = at(np.linspace(0.0, duration, steps_of(duration, dt) + 1))
-        rows, ticks = averaged_rows(taken, dt, None if jerk is None else np.array([jerk]))
+        limits = np.array([np.inf, np.inf, np.inf if jerk is None else jerk])
+        ticks = ticks_averaged(taken.ravel(), 1, len(taken), limits, dt)
+        rows = averaged_rows(taken, dt) if ticks == 1 else averaged(taken, ticks, dt)
         fast, hard = most_between(rows)
         assert fast.max() <= 0.5 * limit * duration * (1 + 1e-9)
         assert hard.max() <= limit * (1 + 1e-8)
@@ -105,6 +110,15 @@ def test_jumps_of_acceleration_are_held(dt: float, length: float) -> None:
         one = interpolated(rows.t, (rows.q, rows.v))
         other = interpolated(rows.t, (rows.q, rows.v, rows.a))
         np.testing.assert_allclose(one, other, atol=1e-9 * length)
+
+
+def averaged(taken: Array, ticks: int, dt: float) -> Rows:
+    """Rows averaged over so many ticks."""
+    count = len(taken) + ticks + 1
+    work = make_average_work(1, count)
+    work.counts[:], work.dt[0], work.taken[: len(taken)] = (1, len(taken), ticks), dt, taken[:, 0]
+    average_rows(work)
+    return Rows(dt * np.arange(count, dtype=np.float64), work.q[:, None], work.v[:, None], work.a[:, None])
 
 
 def test_means_stay_between_what_they_are_of() -> None:
@@ -146,7 +160,7 @@ def test_a_joint_that_leaves_its_limit_stays_inside(robot: Robot) -> None:
         q[:, 1] = upper - 2.0 * np.clip(t - 1.013, 0.0, None) ** 2 * np.clip(2.0 - t, 0.0, None)
         return q
 
-    way = OnTheWay(robot, None)
+    way = OnTheWay(robot, contact_of_nothing(robot))
     swung = spline_rows(at(np.linspace(0.0, 2.0, 41)), 0.05)
     assert way.fault(swung) == "joint_2 could pass its limit"
     assert interpolated(swung.t, (swung.q, swung.v)).max(axis=(0, 1))[1] > upper + 1e-6

@@ -14,6 +14,7 @@ touching       pairs of shapes that touch
 nearest        the pair that is nearest, or that a motion could bring together first
 approach       for how long a pair stays apart on a motion
 motion         straight motions, without gaps
+between        the entry point that looks at what happens between two rows of a motion
 sweep          what could touch on a part of a motion, in places side by side
 cloud_tree     the entry point that sorts points into a tree of boxes
 world          the entry point that fills the rows of simple shapes, and sorts obstacles into their tree

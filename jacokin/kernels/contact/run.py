@@ -103,14 +103,13 @@ def run_contact(work: ContactWork) -> int:
         return 0
     for i in range(rows):
         start = work.q[2 * i * counts.dof : (2 * i + 1) * counts.dof]
+        end = work.q[(2 * i + 1) * counts.dof : (2 * i + 2) * counts.dof]
         course.pair[0], course.pair[1] = -1, -1
-        for j in range(counts.dof):
-            course.step[j] = work.q[(2 * i + 1) * counts.dof + j] - start[j]
         if task == ContactTask.CLEAR_MOTION:
-            waiting = await_all(geometry, counts, course)
-            clear = is_clear(geometry, counts, places, finder, course, start, (margin, margin + slack), waiting)
-            work.value[i, 0] = 0.0 if clear else 1.0
+            work.value[i, 0] = 0.0 if stays_clear(work, start, end, 0.0) else 1.0
         else:
+            for j in range(counts.dof):
+                course.step[j] = end[j] - start[j]
             least_on_motion(geometry, counts, places, finder, course, start, slack)
             work.value[i, 0] = course.found[0]
         work.value[i, 1] = course.found[1]
@@ -128,6 +127,17 @@ def counts_of(contact: ContactWork) -> Counts:
         i[ContactInteger.NODES],
         i[ContactInteger.PLANES],
     )
+
+
+def stays_clear(contact: ContactWork, start: Array, end: Array, extra: float) -> bool:
+    """Whether a straight motion is certain with so much more margin [m]; if not, the pair is left in the course."""
+    geometry, course, counts = contact.geometry, contact.course, counts_of(contact)
+    margin, slack = contact.numbers[ContactNumber.MARGIN_KEPT] + extra, contact.numbers[ContactNumber.SLACK]
+    for j in range(counts.dof):
+        course.step[j] = end[j] - start[j]
+    waiting = await_all(geometry, counts, course)
+    margins = margin, margin + slack
+    return is_clear(geometry, counts, contact.places, contact.finder, course, start, margins, waiting)
 
 
 def stands_clear(contact: ContactWork, q: Array) -> bool:

@@ -70,8 +70,11 @@ def join_branches(trees: Trees, space: Space, dof: int, start: Array, way: Way) 
     measure(way, space, dof)
 
 
-def end_at(way: Way, dof: int, goal: Array) -> None:
-    """Let the way end whole turns apart from a goal (dof,), but for rounding."""
+def end_at(way: Way, space: Space, dof: int, goal: Array) -> None:
+    """Let the way be within the limits, and end whole turns apart from a goal (dof,), but for rounding."""
+    for m in range(way.integers[WayInteger.POINTS]):
+        for j in range(dof):
+            way.q[m * dof + j] = min(max(way.q[m * dof + j], space.lower[j]), space.upper[j])
     last = (way.integers[WayInteger.POINTS] - 1) * dof
     for j in range(dof):
         way.q[last + j] = goal[j] + TURN * math.floor((way.q[last + j] - goal[j]) / TURN + 0.5)

@@ -8,7 +8,6 @@ plan_place    `plan_place`: with the object to a place, straight down, and strai
 handling      what both of them share
 under_way     plans for an arm that moves: how it comes to rest, and how it goes on without stopping
 leaving       ways out of contact, and of nearness, at the start and at the end
-search        straight motions, and ways around what blocks them, by the kernels
-sections      corners that are passed without stopping; rows of a way from stop to stop, within limits of velocity,
-              acceleration and jerk
+search        straight motions, ways around what blocks them, and their rows, by the kernels
+timed_course  when each place of a way is passed whose corners are cut
 """

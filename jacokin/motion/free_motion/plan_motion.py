@@ -4,9 +4,9 @@ A plan goes through these steps:
 
     goals       every configuration that reaches a goal is a candidate: branches, members of curves, turns
     ends        joints outside their limits come back, and what is near at the start comes apart (`leaving`)
-    straight    the straight motion to each of them, the quickest first, is certified (`Contact.in_the_way`)
-    search      where those are blocked, two trees grow from start and goals until they meet, and the way is shortened
-    sections    its corners are rounded, and it is timed within the limits (`sections`)
+    search      the straight motion to each of them is tried, the quickest first; where those are blocked, ways around
+                are looked for, and the quickest is taken (`search`, and kernels/free_motion)
+    rows        it is written within the limits, in steps so short that controllers touch nothing between two of them
 
 An arm that moves already is planned for from where it can stop; then it goes on without stopping where it can
 (`under_way`).
@@ -14,12 +14,11 @@ An arm that moves already is planned for from where it can stop; then it goes on
 
 from __future__ import annotations
 
-import math
 import time
 import weakref
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial, reduce
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,19 +33,20 @@ from jacokin.ik.solver import IKSolver
 from jacokin.ik.targets import PartialTarget, Target, TargetPose, interpret
 from jacokin.model import angles, checks
 from jacokin.model.angles import TURN
-from jacokin.model.contact import Contact, Pair, self_contact
+from jacokin.model.contact import Contact, Pair, contact_of_nothing, self_contact
 from jacokin.model.own_shapes import own_hulls
 from jacokin.model.poses import FreeAxis
 from jacokin.model.robot import Robot, acceleration_limits, copies_counted, jerk_limits, velocity_limits
 from jacokin.motion.free_motion.leaving import DEEPEST, SAME_DISTANCE
 from jacokin.motion.free_motion.meanwhile import Meanwhile, Motions
-from jacokin.motion.free_motion.search import MOST_SAMPLES, CutWay, Found, Randomness, StraightMotion, WaySearch
-from jacokin.motion.free_motion.sections import Section, make_sections
+from jacokin.motion.free_motion.search import CutWay, Randomness, WaySearch
 from jacokin.motion.free_motion.under_way import AT_REST, NoStop, Stop, find_stop, go_directly, go_on, velocity_now
 from jacokin.motion.grasps import Grasp
 from jacokin.motion.joint_motion import ACCELERATION
-from jacokin.motion.rows import HELD, Limits, MotionState, OnTheWay, Rows, coarse, halved, joined, resting
+from jacokin.motion.rows import HELD, Limits, MotionState, OnTheWay, Rows, coarse, halved, resting
 from jacokin.motion.timing import (
+    BETWEEN,
+    MOST_PLACES,
     TooHeavy,
     hold_torques,
     slowness,
@@ -57,7 +57,6 @@ from jacokin.motion.timing import (
 from jacokin.motion.trajectory import Aim, Goal, MotionStatus, Trajectory
 
 SAME = 1e-9  # [rad] a motion that is shorter is none
-MOST_AGAIN = 1000  # samples of a search for a quicker way, if all of the time could be saved
 
 
 def plan_motion(
@@ -170,22 +169,6 @@ def plan_motion(
     return request.plan(aims, search, randomness, begun, begun + limit)
 
 
-class _Timed(NamedTuple):
-    """A way in sections from rest to rest; none for a way that stays."""
-
-    way: Array
-    sections: list[Section]
-
-    @property
-    def duration(self) -> float:
-        """Of the sections, about [s]."""
-        return sum(section.duration for section in self.sections)
-
-    def write(self, dt: float, contact: Contact | None, slower: float) -> Rows:
-        """Rows `dt` [s] apart of a motion that takes so many times as long."""
-        return reduce(joined, (rows for section in self.sections for rows in section.write(dt, slower, contact)))
-
-
 class _Ends(NamedTuple):
     """What comes before and after what a search finds."""
 
@@ -245,7 +228,7 @@ class _Request(NamedTuple):
     unit: float
     stop: Stop | None = None
 
-    def stop_from(self, now: tuple[Array, Array], search: WaySearch | None) -> _Request | Trajectory:
+    def stop_from(self, now: tuple[Array, Array], search: WaySearch) -> _Request | Trajectory:
         """This request from where the arm, with positions and velocities `now`, both (dof,), can stop.
 
         If it cannot stop, the start alone, with the reason.
@@ -265,7 +248,7 @@ class _Request(NamedTuple):
         return Limits(self.velocity, self.acceleration, self.jerk)
 
     def plan(
-        self, aims: Sequence[Any], search: WaySearch | None, rng: Randomness, begun: float, deadline: float
+        self, aims: Sequence[Any], search: WaySearch, rng: Randomness, begun: float, deadline: float
     ) -> Trajectory:
         """The quickest motion found to any of the aims, or one that stays at the start, with the reason."""
         inside = self.start.clip(self.solver.robot.lower, self.solver.robot.upper)
@@ -275,44 +258,39 @@ class _Request(NamedTuple):
             status = MotionStatus.NO_WAY if missed else MotionStatus.UNREACHABLE
             return self._stay(status, missed or finder.why_none(aims))
         rows = np.array([each.q for each in goals])
-        contact = None if search is None else search.contact
         still = np.flatnonzero(np.abs(rows - self.start).max(axis=1) <= SAME)
-        if len(still) and (contact is None or not contact.touches(self.start)):
-            return self._go(_Timed(self.start[None], []), goals[int(still[0])], contact, "")
+        if len(still) and not search.contact.touches(self.start):
+            return self._go(CutWay(self.start[None], np.zeros(1)), 0.0, goals[int(still[0])], search, "")
         beginning = self._begin(search, inside, rows, deadline)
         if isinstance(beginning, Trajectory):
             return beginning
         before, note = beginning
-        order = self._order(rows, before[-1])
+        order = np.argsort(self._times(rows, before[-1]), kind="stable")
         rows = rows[order]
-        if search is None:
-            moves = np.abs(rows[0] - before[-1]).max() > SAME
-            way = np.array([*before, rows[0]] if moves else before)
-            return self._go(self._timed(CutWay(way, np.zeros(len(way)))), goals[order[0]], None, note)
-        search.begin(before[-1], rows, self.speed, rng)
-        straight = search.go_straight()
-        after, nearness = self._land(search, straight, rows, before[-1], deadline)
+        search.begin(before[-1], rows, self.speed, self.limits, rng)
+        near = search.go_straight()
+        after, nearness = self._land(search, near, rows, before[-1], deadline)
         if after:
             for k, tail in after.items():
                 rows[k] = tail[0]
-            search.begin(before[-1], rows, self.speed, rng)
-            straight = search.go_straight()
-        if nearness:
-            straight.blocked = np.setdiff1d(straight.blocked, list(nearness))
-        if straight.reached < 0 and not len(straight.blocked):
-            return self._stay(MotionStatus.GOAL_IN_CONTACT, self._why_no_goal(len(rows), search.touching, nearness))
-        best = self._quickest(search, straight, rows, _Ends(before, after, self.solver.robot.unlimited), deadline)
-        if isinstance(best, Found):
-            return self._stay(MotionStatus.NO_WAY, self._why_no_way(search, best, deadline))
-        timed, number = best
-        return self._go(timed, goals[order[number]], contact, note)
+            search.begin(before[-1], rows, self.speed, self.limits, rng)
+            search.go_straight()
+        for k in nearness:
+            search.leave_out(k)
+        found = search.find_ways(self.ways, deadline)
+        if not len(found.way.q):
+            if not search.has_goals:
+                return self._stay(MotionStatus.GOAL_IN_CONTACT, self._why_no_goal(len(rows), search.touching, nearness))
+            return self._stay(MotionStatus.NO_WAY, self._why_no_way(search, deadline))
+        way = _Ends(before, after, self.solver.robot.unlimited).around(found.way, found.goal, search)
+        return self._go(way, found.duration, goals[order[found.goal]], search, note)
 
-    def _why_no_way(self, search: WaySearch, found: Found, deadline: float) -> str:
+    def _why_no_way(self, search: WaySearch, deadline: float) -> str:
         """What a search that ended without a way has seen."""
         cut = "within the time" if time.monotonic() >= deadline else "in all samples"
         return (
-            f"no way was found {cut} ({found.samples} samples); two parts of one came within "
-            f"{found.nearest * self.unit:.3g} s of motion of each other; most often in the way: "
+            f"no way was found {cut} ({search.samples} samples); two parts of one came within "
+            f"{search.nearest * self.unit:.3g} s of motion of each other; most often in the way: "
             f"{_named(search.hindrances, self.solver.robot)}"
         )
 
@@ -324,38 +302,33 @@ class _Request(NamedTuple):
         return f"all {count} configurations that reach the goal {', or '.join(reasons)}"
 
     def _times(self, rows: Array, start: Array) -> Array:
-        """Of straight motions from a configuration (dof,), or from one each, to some (n, dof), at full speed."""
-        return np.asarray((np.abs(rows - start) / self.speed).max(axis=-1))
+        """Of straight motions from a configuration (dof,) to some (n, dof), at full speed."""
+        return np.asarray((np.abs(rows - start) / self.speed).max(axis=1))
 
-    def _order(self, rows: Array, start: Array) -> NDArray[np.intp]:
-        """Of goals (n, dof), by the times of straight motions from a configuration."""
-        return np.argsort(self._times(rows, start), kind="stable")
-
-    def _begin(self, search: WaySearch | None, inside: Array, goals: Array, deadline: float) -> _Beginning | Trajectory:
+    def _begin(self, search: WaySearch, inside: Array, goals: Array, deadline: float) -> _Beginning | Trajectory:
         """Bring joints onto their limits, then apart what is near; or the motion that stays, with the reason.
 
         Args:
-            search: knows what is near; None where nothing is looked at.
+            search: knows what is near.
             inside: (dof,) the start, each joint within its limits [rad].
             goals: (n, dof) [rad].
             deadline: on the clock of `time.monotonic` [s].
         """
         rows, notes = [self.start], list[str]()
-        near = None if search is None else search.near(self.start)
+        near = search.near(self.start)
         outside = np.flatnonzero(inside != self.start).tolist()
         if outside:
             names = ", ".join(self.solver.robot.joint_names[joint] for joint in outside)
-            if search is not None:
-                if near:
-                    near, pair = search.leaving.follow(self.start, inside, near)
-                else:
-                    pair = search.contact.in_the_way(self.start, inside)
-                if pair is not None:
-                    sentence = f"{names} starts outside its limits, and {pair[0]} and {pair[1]} touch on the way back"
-                    return self._stay(MotionStatus.START_IN_CONTACT, sentence)
+            if near:
+                near, pair = search.leaving.follow(self.start, inside, near)
+            else:
+                pair = search.contact.in_the_way(self.start, inside)
+            if pair is not None:
+                sentence = f"{names} starts outside its limits, and {pair[0]} and {pair[1]} touch on the way back"
+                return self._stay(MotionStatus.START_IN_CONTACT, sentence)
             rows.append(inside)
             notes.append(f"{names} starts outside its limits and comes back first")
-        if not near or search is None:
+        if not near:
             return _Beginning(np.array(rows), "; ".join(notes))
         leaving = search.leaving
         distance, pair, kept = leaving.nearest(near)
@@ -368,7 +341,7 @@ class _Request(NamedTuple):
             )
             return self._stay(MotionStatus.START_IN_CONTACT, sentence)
         out = leaving.way_out(
-            inside, near, goals[self._order(goals, self.start)[:8]], deadline
+            inside, near, goals[np.argsort(self._times(goals, self.start), kind="stable")[:8]], deadline
         )  # straight to these, if it can be
         if out is None:
             sentence = (
@@ -380,14 +353,14 @@ class _Request(NamedTuple):
         return _Beginning(np.array([*rows[:-1], *out]), "; ".join(notes))
 
     def _land(
-        self, search: WaySearch, straight: StraightMotion, rows: Array, start: Array, deadline: float
+        self, search: WaySearch, goals: Sequence[int], rows: Array, start: Array, deadline: float
     ) -> tuple[dict[int, Array], dict[int, str]]:
         """Motions (n, dof) that end at goals nearer to something than a certified motion may be, by number of the goal.
 
         They begin where it may be. With them, why there is none to some others.
         """
         found, none = dict[int, Array](), dict[int, str]()
-        for k in straight.near:
+        for k in goals:
             leaving = search.leaving
             near = leaving.near(rows[k])
             enough = len(found) >= 16  # to choose from
@@ -399,76 +372,26 @@ class _Request(NamedTuple):
                 none[k] = f"{pair[0]} and {pair[1]} are {distance:.3g} m apart there, kept {kept:.3g} m apart"
         return found, none
 
-    def _is_direct(self, rows: Array, straight: StraightMotion, start: Array) -> bool:
-        """Whether the straight motion to the goal that was reached takes at most half as long again as to a nearer one.
-
-        Where it takes longer, it is compared with a way around.
-        """
-        if not len(straight.blocked):
-            return True
-        far, near = self._times(rows[[straight.reached, straight.blocked[0]]], start).tolist()
-        return bool(far <= 1.5 * near)
-
-    def _quickest(
-        self, search: WaySearch, straight: StraightMotion, rows: Array, ends: _Ends, deadline: float
-    ) -> tuple[_Timed, int] | Found:
-        """The quickest of the straight motion and some ways around to goals (k, dof), and the number of its goal."""
-        start, best, quick = ends.before[-1], None, np.inf
-        if straight.reached >= 0:
-            line = CutWay(np.array([start, rows[straight.reached]]), np.zeros(2))
-            best = self._timed(ends.around(line, straight.reached, search)), straight.reached
-            if self._is_direct(rows, straight, start):
-                return best
-            quick = float(self._times(line.q[1], start))
-        times = self._times(rows[straight.blocked], start)
-        found, bound, most = Found(), np.inf, MOST_SAMPLES
-        for _ in range(self.ways):
-            if best is not None:
-                bound = 0.98 * quick  # so much quicker, or none
-            goals = straight.blocked[times < bound]
-            if not len(goals):
-                break
-            if best is not None:  # no way saves more than this part of the time
-                most = math.ceil(MOST_AGAIN * (1.0 - float(times.min()) / bound))
-            found = search.go_around(goals, deadline, most, bound)
-            if found.way is not None:
-                timed = self._timed(ends.around(found.way, found.goal, search))
-                if best is None or timed.duration < best[0].duration:
-                    q = found.way.q
-                    best, quick = (timed, found.goal), float(self._times(q[1:], q[:-1]).sum())
-            elif best is None:
-                break
-        return best or found
-
-    def _timed(self, way: CutWay) -> _Timed:
-        """A way in the least time within the limits."""
+    def _go(self, way: CutWay, duration: float, goal: Goal, search: WaySearch, note: str) -> Trajectory:
+        """The motion along a way to a goal that takes about so long [s], measured."""
+        robot, contact = self.solver.robot, search.contact
+        goal = Goal(checks.read_only(way.q[-1]), goal.number, goal.target, goal.parameter)
         if len(way.q) == 1:
-            return _Timed(way.q, [])
-        robot = self.solver.robot
-        # Joints that start outside their limits stay there until they are back; what else is beyond is rounding.
-        q = way.q.clip(np.minimum(robot.lower, self.start), np.maximum(robot.upper, self.start))
-        return _Timed(q, make_sections(q, way.cuts, self.speed, self.limits))
-
-    def _go(self, timed: _Timed, goal: Goal, contact: Contact | None, note: str) -> Trajectory:
-        """The motion along a timed way to a goal, measured."""
-        robot, way = self.solver.robot, timed.way
-        goal = Goal(checks.read_only(way[-1]), goal.number, goal.target, goal.parameter)
-        if not timed.sections:
             if self.stop is not None:
                 return self._write(self.stop.rows, goal, contact, "comes to rest there")
-            return self._write(resting(way[0]), goal, contact, "already there")
+            return self._write(resting(way.q[0]), goal, contact, "already there")
         slower = 1.0
         if self.torque is not None:
-            states = [np.concatenate(each) for each in zip(*(s.states() for s in timed.sections), strict=True)]
-            found = slowness(robot, (states[0], states[1], states[2]), self.torque)
+            states = search.write(way, max(BETWEEN, duration / MOST_PLACES))
+            found = slowness(robot, states[1:], self.torque)
             if isinstance(found, TooHeavy):
                 return self._stay(MotionStatus.TOO_HEAVY, found.explain(robot))
             slower = found
         between, fault = OnTheWay(robot, contact), ""
-        rows = self._going_on(timed, between)
+        rows = self._going_on(way.q, duration, search, between)
         goes_on = rows is not None
         for step in () if goes_on else halved(self.dt):
-            rows = hold_torques(robot, partial(timed.write, step, contact), self.torque, slower)
+            rows = hold_torques(robot, partial(search.write, way, step), self.torque, slower)
             if self.stop is not None:
                 rows = self.stop.then(rows)
             touching = between.fault(rows)
@@ -482,25 +405,26 @@ class _Request(NamedTuple):
         else:
             if self.stop is not None:
                 sentence += f", coming to rest first, in {self.stop.rows.t[-1]:.4g} s"
-            lines = len(way) - 1
+            lines = len(way.q) - 1
             sentence += "" if slower == 1.0 else ", slower for the torques"
             sentence += ", straight" if lines == 1 else f", around what is in the way by {lines} lines"
         sentence += f"; {note}" if note else ""
-        if contact is None:
+        if not contact.has_shapes:
             sentence += "; the description has no collision shapes that can be loaded, so contact was not checked"
         return self._write(rows, goal, contact, sentence)
 
-    def _going_on(self, timed: _Timed, between: OnTheWay) -> Rows | None:
-        """The motion from the one under way to where a way from its stop leads, without stopping; None for none."""
+    def _going_on(self, way: Array, duration: float, search: WaySearch, between: OnTheWay) -> Rows | None:
+        """The motion from the one under way to where a way (n, dof) from its stop leads, without stopping, or None.
+
+        Along the way, which takes about so long [s], or directly to its end.
+        """
         if self.stop is None or self.jerk is not None:
             return None
-        robot, search = self.solver.robot, search_of(self.solver)
-        longest, rows = float(self.stop.rows.t[-1]) + timed.duration, None
+        longest = float(self.stop.rows.t[-1]) + duration
         steps_of(longest, self.dt)  # not too many
-        if search is not None:
-            rows = go_on(robot, self.stop, timed.way, search, self.limits, self.speed, self.dt)
+        rows = go_on(self.solver.robot, self.stop, way, search, self.limits, self.speed, self.dt)
         if rows is None or rows.t[-1] > longest:
-            rows = go_directly(self.stop, timed.way[-1], self.limits, longest, search)
+            rows = go_directly(self.stop, way[-1], self.limits, longest, search)
         if rows is None or self._strain(rows) > HELD or between.fault(rows):
             return None
         return rows
@@ -510,15 +434,15 @@ class _Request(NamedTuple):
         worst = float(self.limits.strain(rows).max())
         return worst if self.torque is None else max(worst, torque_strain(self.solver.robot, rows, self.torque))
 
-    def _write(self, rows: Rows, goal: Goal, contact: Contact | None, message: str) -> Trajectory:
+    def _write(self, rows: Rows, goal: Goal, contact: Contact, message: str) -> Trajectory:
         wrong = self._misses(goal)
         return Trajectory.of(
             self.solver.robot,
             self.velocity,
             rows,
-            look=None if contact is None else partial(contact.distances, self_collision=True),
+            look=partial(contact.distances, self_collision=True) if contact.has_shapes else None,
             status=MotionStatus.MISSED if wrong else MotionStatus.OK,
-            message="; ".join(word for word in (wrong or message, contact.keeping_less if contact else "") if word),
+            message="; ".join(word for word in (wrong or message, contact.keeping_less) if word),
             goal=goal,
         )
 
@@ -547,33 +471,31 @@ class _Request(NamedTuple):
         return Trajectory.of(self.solver.robot, self.velocity, rows, status=status, message=message)
 
 
-_searches: weakref.WeakKeyDictionary[IKSolver, WaySearch | None] = weakref.WeakKeyDictionary()
+_searches: weakref.WeakKeyDictionary[IKSolver, WaySearch] = weakref.WeakKeyDictionary()
 
 
-def search_of(solver: IKSolver) -> WaySearch | None:
-    """What looks for ways in a solver's scene, built once; None for a robot without shapes.
+def search_of(solver: IKSolver) -> WaySearch:
+    """What looks for ways in a solver's scene, built once; of a robot without shapes, nothing touches.
 
     Raises:
         InvalidInputError: the scene does not fit the robot.
         ModelError: the description's shapes cannot be loaded, unless the solver ignores contact.
         UnknownNameError: the scene speaks of a link that is not there.
     """
-    if solver not in _searches:
+    found = _searches.get(solver)
+    if found is None:
         contact = solver.verifier.contact or _unlooked_contact(solver)
-        found = None
-        if contact is not None and contact.has_shapes:
-            found = WaySearch(solver.robot, contact, solver.verifier.options.clearance)
-        _searches[solver] = found
-    return _searches[solver]
+        found = _searches[solver] = WaySearch(solver.robot, contact, solver.verifier.options.clearance)
+    return found
 
 
-def _unlooked_contact(solver: IKSolver) -> Contact | None:
-    """Contact where the solver does not look for it; None where shapes need not be loaded and cannot."""
+def _unlooked_contact(solver: IKSolver) -> Contact:
+    """Contact where the solver does not look for it; of no shapes where they need not be loaded and cannot."""
     try:
         return self_contact(solver.robot)
     except ModelError:
         if solver.verifier.options.collision == "ignore" or solver.robot.source.content is None:
-            return None
+            return solver.robot.once(contact_of_nothing)
         raise
 
 

@@ -284,9 +284,7 @@ class _PlaceScenes:
     @property
     def _leaving(self) -> Leaving:
         """What judges motions of the arm with the object that are in contact at one end."""
-        search = search_of(self.held)
-        assert search is not None  # the object is a shape
-        return search.leaving
+        return search_of(self.held).leaving
 
     def pose_at(self, q: Array) -> pin.SE3:
         """T_base_object while it is held, at a configuration (dof,)."""

@@ -1,11 +1,10 @@
-"""Ways from a configuration to any of some goals without contact, by the kernels of `kernels/free_motion`."""
+"""Ways from a configuration to any of some goals without contact, and their rows, by `kernels/free_motion`."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections import Counter
-from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
@@ -15,11 +14,14 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.ik.seeds import DEFAULT_RANDOM_SEED
 from jacokin.kernels.contact.run import ContactNumber, among
+from jacokin.kernels.course_times import make_course_work
+from jacokin.kernels.free_motion.rows import RowNumber
 from jacokin.kernels.free_motion.run import (
     FINISHED,
-    SHORTENING,
+    TIMING,
     GoalState,
     MotionInteger,
+    MotionNumber,
     MotionTask,
     MotionWork,
     make_motion_work,
@@ -29,15 +31,21 @@ from jacokin.kernels.free_motion.shortcuts import WayInteger, make_way
 from jacokin.kernels.free_motion.space import FIRST_MODULUS, SECOND_MODULUS, make_space
 from jacokin.kernels.free_motion.trees import SearchInteger, SearchNumber, make_trees
 from jacokin.kernels.library import Call, SharedCalls
+from jacokin.kernels.rest_to_rest import make_rest_work
 from jacokin.model import checks
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
 from jacokin.motion.free_motion.leaving import Leaving, Nearness
+from jacokin.motion.free_motion.timed_course import USED
+from jacokin.motion.rows import Limits, Rows
+from jacokin.motion.timing import MAX_TICKS, check_ticks
 
 MOST_STRAIGHT = 64  # clear goals to which the straight motion is tried
-MOST_SAMPLES = 200_000  # after which a search is given up, whatever time is left
 AT_ONCE = 256  # samples or shortcuts between two looks at the clock
+IN_VAIN = 70  # shortcuts that are none, one after another, after which there are no more
 FIRST_ROOM = 1024  # configurations of a tree, twice as many whenever one is full
+CORNERS, ROWS = 64, 2048  # of a way that is timed and written; for more there is room when they are needed
+KEPT_ROOM, KEPT_ROWS = 16_384, 20_000  # what takes more is given back
 MODULI = np.repeat([FIRST_MODULUS, SECOND_MODULUS], 3)  # of the kernels' random numbers
 FARTHEST = 1e3  # [rad] or [m] from zero, random configurations of joints without one limit
 
@@ -81,36 +89,15 @@ class CutWay(NamedTuple):
     """(n,) how much of each corner may be cut off: time at full speed on both sides [s]; 0 where it must stay."""
 
 
-@dataclass(slots=True)
-class Found:
-    """What a search found.
+class Found(NamedTuple):
+    """What a search found."""
 
-    Attributes:
-        way: from the start to a goal, with clear straight motions between its corners; None for none.
-        goal: number of the goal at its end.
-        samples: how many random configurations it took.
-        nearest: how near the trees came to each other [s], at full speed.
-    """
-
-    way: CutWay | None = None
-    goal: int = -1
-    samples: int = 0
-    nearest: float = np.inf
-
-
-@dataclass(slots=True)
-class StraightMotion:
-    """What is known about the straight motions to goals, the one that is reached soonest first.
-
-    Attributes:
-        reached: number of the goal whose straight motion is clear; -1 where all are blocked.
-        blocked: numbers of the clear goals before it; `WaySearch.touching` says what touches at the others.
-        near: those of them that are nearer to something than motions there can be certified with.
-    """
-
-    reached: int
-    blocked: NDArray[np.intp]
-    near: list[int]
+    way: CutWay
+    """From the start to a goal, with clear straight motions between its corners; without points for none."""
+    goal: int
+    """Number of the goal at its end."""
+    duration: float
+    """Of the motion along it, about [s]."""
 
 
 _calls = SharedCalls(run_free_motion)
@@ -139,94 +126,128 @@ class WaySearch:
         call.work.start[:], call.work.integers[MotionInteger.TASK] = q, MotionTask.LOOK
         return None if call() else self.leaving.near(q)
 
-    def begin(self, start: Array, goals: Array, speed: Array, rng: Randomness) -> None:
+    def begin(self, start: Array, goals: Array, speed: Array, limits: Limits, rng: Randomness) -> None:
         """Set start (dof,) and goals (k, dof) [rad], the soonest first, and the speeds of the joints (dof,) [rad/s].
 
         Times at full speed are those at these speeds.
         """
         kept = getattr(self._local, "call", None)
-        if kept is not None and len(kept.work.trees.parents) > 2 * 16_384:  # more is given back
-            self._local.call = None
-        call = self._call(len(goals))
-        work = call.work
+        if kept is not None:
+            work = kept.work
+            if len(work.trees.parents) > 2 * KEPT_ROOM or len(work.rows.taken) > KEPT_ROWS * len(start):
+                self._local.call = None
+        work = self._call(len(goals)).work
         work.start[:], work.goals[: goals.size] = start, goals.ravel()
         work.integers[MotionInteger.JOINTS], work.integers[MotionInteger.GOALS] = len(start), len(goals)
         work.space.speed[:] = speed
         work.hindrances.times[:] = 0
+        each, course = work.rows.limits.reshape(-1, 3).T, work.rows.course
+        each[0], each[1], each[2] = limits.velocity, limits.acceleration, np.inf if limits.jerk is None else limits.jerk
+        course.full[:], course.velocity[:], course.acceleration[:] = speed, USED * each[0], USED * each[1]
         self._local.rng = rng
 
-    def go_straight(self) -> StraightMotion:
-        """Try the straight motion to each goal in turn, until one is clear."""
-        call = self._call()
-        work = call.work
-        work.integers[MotionInteger.TASK] = MotionTask.STRAIGHT_MOTIONS
-        work.integers[MotionInteger.ENOUGH] = MOST_STRAIGHT
-        work.known[:] = 0
-        reached = call()
-        known = work.known[: work.integers[MotionInteger.GOALS]]
-        near = np.flatnonzero(known == GoalState.NEAR).tolist()
-        return StraightMotion(reached, np.flatnonzero(known >= GoalState.BLOCKED), near)
+    def go_straight(self) -> list[int]:
+        """Try the straight motion to each goal in turn, until one is clear.
 
-    def go_around(
-        self, goals: NDArray[np.intp], deadline: float, most_samples: int = MOST_SAMPLES, bound: float = np.inf
-    ) -> Found:
-        """Look for a way to one of some goals that are clear, and shorten it.
-
-        Args:
-            goals: their numbers.
-            deadline: on the clock of `time.monotonic` [s], when the search is cut.
-            most_samples: after which it is given up.
-            bound: at full speed, it is to take less [s].
+        Returns:
+            Numbers of those before it that are nearer to something than motions there can be certified with.
         """
         call = self._call()
-        space, rng = call.work.space, self._local.rng
-        if rng is not None:  # once for all ways
-            call.work.generator[:] = rng.first_numbers()
-            # When steps are measured, no joint counts as more than four times as fast as the slowest.
-            compared = np.minimum(space.speed, 4.0 * space.speed.min())
-            space.weights[:] = float(compared.sum()) / len(compared) / compared
-            self._local.rng = None
-        roots = goals[:48]  # the quickest to reach
-        call.work.trees.numbers[SearchNumber.BOUND] = bound
-        call.work.chosen[: len(roots)], call.work.integers[MotionInteger.ROOTS] = roots, len(roots)
-        options, search = call.work.integers, call.work.trees.integers
-        options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.BEGIN_SEARCH, min(AT_ONCE, most_samples)
-        options[MotionInteger.TRIES_IN_VAIN] = 70  # one after another
-        options[MotionInteger.KEPT_FIRST] = options[MotionInteger.KEPT_LAST] = 0
-        found = Found()
-        while (stage := call()) != FINISHED:
-            is_late = time.monotonic() >= deadline
-            if stage == SHORTENING:
-                options[MotionInteger.TASK], options[MotionInteger.STEPS] = MotionTask.SHORTEN, AT_ONCE
-                if is_late:
-                    options[MotionInteger.TRIES_IN_VAIN] = 0
-                continue
-            found.samples = int(search[SearchInteger.SAMPLES])
-            if is_late or found.samples >= most_samples:
-                found.nearest = float(call.work.trees.numbers[SearchNumber.NEAREST])
-                return found
-            options[MotionInteger.TASK] = MotionTask.GO_ON_SEARCH
-            options[MotionInteger.STEPS] = min(AT_ONCE, most_samples - found.samples)
-            if search[SearchInteger.IS_FULL]:
-                call = self._grow()
-                search = call.work.trees.integers
-        found.samples = int(search[SearchInteger.SAMPLES])
-        found.goal = int(roots[call.work.way.integers[WayInteger.GOAL]])
-        found.way = self._way()
-        return found
+        work, options = call.work, call.work.integers
+        options[MotionInteger.TASK], options[MotionInteger.ENOUGH] = MotionTask.STRAIGHT_MOTIONS, MOST_STRAIGHT
+        work.known[:] = GoalState.UNKNOWN
+        return np.flatnonzero(work.known == GoalState.NEAR).tolist() if call() else []
+
+    def leave_out(self, goal: int) -> None:
+        """Look for no ways to a goal."""
+        self._call().work.known[goal] = GoalState.UNKNOWN
+
+    @property
+    def has_goals(self) -> bool:
+        """Whether any of the goals to which the straight motion was tried is clear, and not left out."""
+        return bool((self._call().work.known > GoalState.IN_CONTACT).any())
+
+    def find_ways(self, ways: int, deadline: float) -> Found:
+        """Look for ways to goals that are clear, where the straight motion is none of the quickest; take the quickest.
+
+        Args:
+            ways: how many.
+            deadline: on the clock of `time.monotonic` [s], when the search is cut.
+        """
+        call = self._call()
+        work, options = call.work, call.work.integers
+        if options[MotionInteger.STAGE] != FINISHED:
+            self._set_out(work)
+            options[MotionInteger.TASK], options[MotionInteger.WAYS] = MotionTask.FIND_WAYS, ways
+            options[MotionInteger.STEPS], options[MotionInteger.TRIES_IN_VAIN] = AT_ONCE, IN_VAIN
+            options[MotionInteger.IS_LATE] = 0
+            while (stage := call()) != FINISHED:
+                options[MotionInteger.IS_LATE] = time.monotonic() >= deadline
+                if stage == TIMING:
+                    call = self._grow_course(int(call.work.way.integers[WayInteger.POINTS]))
+                elif call.work.trees.integers[SearchInteger.IS_FULL]:
+                    call = self._grow()
+        return Found(self._way(), int(options[MotionInteger.GOAL]), float(work.numbers[MotionNumber.DURATION]))
+
+    def _set_out(self, work: MotionWork) -> None:
+        """What a search begins with, the first after `begin`."""
+        space = work.space
+        work.generator[:] = self._local.rng.first_numbers()
+        # When steps are measured, no joint counts as more than four times as fast as the slowest.
+        compared = np.minimum(space.speed, 4.0 * space.speed.min())
+        space.weights[:] = float(compared.sum()) / len(compared) / compared
+
+    @property
+    def samples(self) -> int:
+        """How many random configurations the last search took."""
+        return int(self._call().work.trees.integers[SearchInteger.SAMPLES])
+
+    @property
+    def nearest(self) -> float:
+        """How near its trees came to each other [s], at full speed."""
+        return float(self._call().work.trees.numbers[SearchNumber.NEAREST])
 
     def cut_corners(self, way: Array, first: int = 0, last: int = 0) -> CutWay:
         """A way (n, dof) with its corners cut, but so many at its beginning and at its end [rad]."""
+        call = self._take(way)
+        options = call.work.integers
+        options[MotionInteger.TASK] = MotionTask.CORNERS
+        options[MotionInteger.KEPT_FIRST], options[MotionInteger.KEPT_LAST] = first, last
+        call()
+        return self._way()
+
+    def write(self, way: CutWay, dt: float, slower: float = 1.0) -> Rows:
+        """Rows `dt` [s] apart of the motion along a way that takes so many times as long as the limits allow.
+
+        Raises:
+            InvalidInputError: more than `MAX_TICKS`.
+        """
+        call, count, dof = self._take(way.q), 0, way.q.shape[1]
+        while True:
+            work = call.work
+            if len(way.q) > len(work.rows.course.cuts):
+                call = self._grow_course(len(way.q))
+                continue
+            work.cuts[: len(way.q)] = way.cuts
+            work.rows.numbers[RowNumber.DT], work.rows.numbers[RowNumber.SLOWER] = dt, slower
+            work.integers[MotionInteger.TASK] = MotionTask.ROWS
+            count = call()
+            if count > MAX_TICKS:
+                check_ticks(np.array([count * dt]), dt)
+            if count * dof <= len(work.rows.taken):
+                break
+            call = self._grow_rows(count)
+        q, v, a = (each[: count * dof].reshape(count, dof).copy() for each in work.rows.rest[-3:])
+        return Rows(dt * np.arange(count, dtype=np.float64), q, v, a)
+
+    def _take(self, way: Array) -> Call[MotionWork]:
+        """The kernels with a way (n, dof) that is given [rad]."""
         call = self._call()
         if len(way) > len(call.work.cuts):
             call = self._grow(len(way))
         work = call.work
         work.way.q[: way.size], work.way.integers[WayInteger.POINTS] = way.ravel(), len(way)
-        options = work.integers
-        options[MotionInteger.TASK] = MotionTask.CORNERS
-        options[MotionInteger.KEPT_FIRST], options[MotionInteger.KEPT_LAST] = first, last
-        call()
-        return self._way()
+        return call
 
     def _way(self) -> CutWay:
         """The way of the last call."""
@@ -267,7 +288,7 @@ class WaySearch:
                 touching=np.zeros((more, 2), np.int64),
                 chosen=np.zeros(more, np.int64),
             )
-            found = self._local.call = Call(run_free_motion, larger, found)
+            found = self._with(larger)
         return found
 
     def _first_call(self) -> Call[MotionWork]:
@@ -283,7 +304,7 @@ class WaySearch:
         return call
 
     def _make_work(self) -> MotionWork:
-        return make_motion_work(self.contact.geometry, MOST_STRAIGHT, FIRST_ROOM)
+        return make_motion_work(self.contact.geometry, MOST_STRAIGHT, FIRST_ROOM, CORNERS, ROWS)
 
     def _among_obstacles(self, work: MotionWork) -> MotionWork:
         """The work arrays of this arm in another scene; the limits of a robot may be others."""
@@ -307,6 +328,26 @@ class WaySearch:
             work.trees.around,
         )
         trees.integers[SearchInteger.IS_FULL] = 0
-        larger = work._replace(trees=trees, way=make_way(dof, 2 * more), cuts=np.zeros(2 * more))
-        self._local.call = found = Call(run_free_motion, larger, self._call())
+        best, best_cuts = np.zeros(2 * more * dof), np.zeros(2 * more)
+        best[: len(work.best)], best_cuts[: len(work.best_cuts)] = work.best, work.best_cuts
+        way, cuts = make_way(dof, 2 * more), np.zeros(2 * more)
+        return self._with(work._replace(trees=trees, way=way, cuts=cuts, best=best, best_cuts=best_cuts))
+
+    def _grow_course(self, points: int) -> Call[MotionWork]:
+        """The call with room for the corners of a way of so many points, and more."""
+        work = self._call().work
+        course, old = make_course_work(len(work.start), 2 * points), work.rows.course
+        course = course._replace(full=old.full, velocity=old.velocity, acceleration=old.acceleration)
+        return self._with(work._replace(rows=work.rows._replace(course=course)))
+
+    def _grow_rows(self, rows: int) -> Call[MotionWork]:
+        """The call with room for so many rows, and more."""
+        work = self._call().work
+        taken, rest = np.zeros(2 * rows * len(work.start)), make_rest_work(len(work.start), 2 * rows)
+        return self._with(work._replace(rows=work.rows._replace(taken=taken, rest=rest)))
+
+    def _with(self, work: MotionWork) -> Call[MotionWork]:
+        """The call with other work arrays."""
+        found: Call[MotionWork] = Call(run_free_motion, work, self._call())
+        self._local.call = found
         return found

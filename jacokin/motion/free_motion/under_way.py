@@ -3,7 +3,7 @@
 An arm that moves can always be planned for from where it stops. Of the ways to stop, the straight one is tried first,
 all joints coming to rest together, then the one on which each joint brakes as hard as it may. Where the rest of the
 plan leaves the straight stop in a direction that differs little, the arm need not stop: the corner between the two is
-cut like any other (`sections`), and the course is timed from its end at rest backwards to the speed of now.
+cut like any other (`timed_course`), and the course is timed from its end at rest backwards to the speed of now.
 
 Rows begin with exactly the positions and velocities of now; accelerations may jump there, within their limits.
 """
@@ -22,7 +22,7 @@ from jacokin.ik.seeds import ON_LIMIT, checked_start
 from jacokin.model.contact import Pair
 from jacokin.model.robot import Robot, unit_of
 from jacokin.motion.free_motion.search import WaySearch
-from jacokin.motion.free_motion.sections import TimedCourse, fit_time
+from jacokin.motion.free_motion.timed_course import TimedCourse, fit_time
 from jacokin.motion.rows import (
     HELD,
     WHOLE_TICK,
@@ -90,7 +90,7 @@ def find_stop(
     now: tuple[Array, Array],
     limits: Limits,
     dt: float,
-    search: WaySearch | None,
+    search: WaySearch,
     torque_strain: Callable[[Rows], float] | None = None,
 ) -> Stop | NoStop:
     """The quickest of some motions to rest that stays within the limits and clear.
@@ -100,7 +100,7 @@ def find_stop(
         now: its positions (dof,) [rad] and velocities (dof,) [rad/s].
         limits: of velocity, acceleration and jerk.
         dt: step from row to row [s].
-        search: knows what may touch; None where nothing is looked at.
+        search: knows what may touch.
         torque_strain: how many times as long rows must take for torques to be held; None for no limits of torque.
 
     Raises:
@@ -167,14 +167,14 @@ def _integrated(q: Array, v: Array, a: Array, dt: float) -> Rows:
     return Rows(dt * np.arange(len(a), dtype=np.float64), np.vstack([q, q + moved]), speed, a)
 
 
-def _hindrance(robot: Robot, rows: Rows, search: WaySearch | None, *, is_straight: bool) -> str:
+def _hindrance(robot: Robot, rows: Rows, search: WaySearch, *, is_straight: bool) -> str:
     """What a motion to rest runs into; "" for nothing."""
     start, end = rows.q[0], rows.q[-1]
     past = np.maximum(end - np.maximum(robot.upper, start), np.minimum(robot.lower, start) - end)
     worst = int(np.argmax(past))
     if past[worst] > ON_LIMIT:
         return f"{robot.joint_names[worst]} would stop {past[worst]:.3g} {unit_of(robot, worst)} past its limit"
-    pair = None if search is None else _touching(rows, search, is_straight=is_straight)
+    pair = _touching(rows, search, is_straight=is_straight)
     return "" if pair is None else f"{pair[0]} and {pair[1]} touch on the way to rest"
 
 
@@ -194,7 +194,7 @@ def _touching(rows: Rows, search: WaySearch, *, is_straight: bool) -> Pair | Non
     return None
 
 
-def go_directly(stop: Stop, end: Array, limits: Limits, longest: float, search: WaySearch | None) -> Rows | None:
+def go_directly(stop: Stop, end: Array, limits: Limits, longest: float, search: WaySearch) -> Rows | None:
     """The quickest motion to rest at a configuration with steadily changing accelerations; None where there is none.
 
     No joint turns back that could stop before its end.
@@ -204,7 +204,7 @@ def go_directly(stop: Stop, end: Array, limits: Limits, longest: float, search: 
         end: (dof,) [rad].
         limits: of velocity and acceleration.
         longest: that it may take [s].
-        search: knows what may touch; None where nothing is looked at.
+        search: knows what may touch.
     """
     start, v, dt = stop.rows.q[0], stop.rows.v[0], float(stop.rows.t[1])
     moved = end - start
@@ -222,7 +222,7 @@ def go_directly(stop: Stop, end: Array, limits: Limits, longest: float, search: 
     shares = np.linspace(0.0, 1.0, row + 3)[:, None]
     rows = _integrated(start, v, first[row] + shares * (last[row] - first[row]), dt)
     rows.q[-1] = end  # but for rounding
-    return rows if search is None or _touching(rows, search, is_straight=False) is None else None
+    return rows if _touching(rows, search, is_straight=False) is None else None
 
 
 class GoingOn(NamedTuple):

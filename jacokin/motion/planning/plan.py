@@ -25,6 +25,7 @@ from jacokin.ik.targets import Target, TargetPose
 from jacokin.ik.verification import Verifier
 from jacokin.model import checks
 from jacokin.model.angles import wrap_to_pi
+from jacokin.model.contact import contact_of_nothing
 from jacokin.model.poses import FreeAxis, rotation_angle
 from jacokin.model.robot import acceleration_limits, limit_margins, unit_of, velocity_limits
 from jacokin.motion.free_motion.plan_motion import plan_motion
@@ -234,7 +235,8 @@ class _Writer:
     def follow(self, curve: Curve, reached: float, reason: str) -> Trajectory:
         """The ticks along a joint path; beyond its end the arm stays there."""
         parameter, fault, verifier = self._at_waypoints(curve, reached), "", self.solver.verifier
-        between = OnTheWay(self.solver.robot, verifier.contact if verifier.avoids_contact else None)
+        robot, contact = self.solver.robot, verifier.contact if verifier.avoids_contact else None
+        between = OnTheWay(robot, contact or robot.once(contact_of_nothing))
         for dt in halved(self.dt):
             if len(curve.u) < 2 or np.abs(np.diff(curve.q, axis=0)).max() < 1e-12:  # [rad] it stays
                 u, x, rows = curve.u[-1:], curve.x[-1:], spline_rows(curve.q[-1:], dt)

@@ -14,10 +14,12 @@ from jacokin.kernels.contact.run import ContactNumber
 from jacokin.kernels.free_motion import run
 from jacokin.kernels.free_motion.run import MotionWork, make_motion_work, run_free_motion
 from jacokin.kernels.free_motion.shortcuts import WayInteger
+from jacokin.kernels.free_motion.sight import IS_CERTAIN
 from jacokin.kernels.free_motion.space import uniform
 from jacokin.kernels.free_motion.trees import (
     NEAR,
     NEAR_TREE,
+    NONE,
     SearchInteger,
     SearchNumber,
     cut_off,
@@ -39,7 +41,7 @@ def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> 
     """A call prepared for a motion past the wall, which is in the way of the straight one."""
     robot = jacokin.load_robot()
     contact = Contact(robot, around)
-    call = form(run_free_motion, make_motion_work(contact.geometry, 4, room))
+    call = form(run_free_motion, make_motion_work(contact.geometry, 4, room, 64, 2000))
     work: MotionWork = call.work
     space = work.space
     space.lower[:], space.upper[:], space.unlimited[:] = robot.lower, robot.upper, robot.unlimited
@@ -56,7 +58,9 @@ def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> 
     work.start[:] = solver.solve(jacokin.pose([0.4, -0.3, 0.3], down=True)).q
     goal = solver.solve(jacokin.pose([0.4, 0.25, 0.3], down=True), seed=work.start).q
     work.goals[:6], work.integers[run.MotionInteger.GOALS], work.integers[run.MotionInteger.ENOUGH] = goal, 1, 1
-    work.integers[run.MotionInteger.ROOTS] = 1
+    rows = work.rows
+    rows.limits[0::3], rows.limits[1::3], rows.course.full[:] = robot.velocity_limit, 1.0, robot.velocity_limit
+    rows.course.velocity[:], rows.course.acceleration[:] = robot.velocity_limit, 1.0
     return call, contact
 
 
@@ -68,19 +72,31 @@ def ask(call: Any, task: int, steps: int = 0) -> int:
 
 def search(call: Any) -> None:
     """Until the trees meet."""
-    assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == -1
-    task = run.MotionTask.BEGIN_SEARCH
+    begin(call)
     for _ in range(100):
-        if ask(call, task, 20) != run.SEARCHING:
+        if ask(call, run.MotionTask.FIND_WAYS, 20) != run.SEARCHING:
             return
-        task = run.MotionTask.GO_ON_SEARCH
     pytest.fail("no way")
+
+
+def begin(call: Any, ways: int = 1) -> None:
+    """Try the straight motion, which is blocked, before so many ways around are looked for."""
+    assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == 0
+    assert call.work.integers[run.MotionInteger.GOAL] == NONE
+    call.work.integers[run.MotionInteger.WAYS], call.work.integers[run.MotionInteger.IS_LATE] = ways, 0
 
 
 def way_of(call: Any) -> Array:
     """The configurations (n, dof) of the way."""
     work: MotionWork = call.work
     return work.way.q[: 6 * work.way.integers[WayInteger.POINTS]].reshape(-1, 6).copy()
+
+
+def rows_of(call: Any) -> Array:
+    """Positions, velocities and accelerations (3, n, dof) of the way in rows."""
+    call.work.rows.numbers[:] = 0.05, 1.0
+    count = ask(call, run.MotionTask.ROWS)
+    return np.array([each[: 6 * count].reshape(count, 6) for each in call.work.rows.rest[-3:]])
 
 
 def time_of(call: Any, way: Array) -> float:
@@ -100,10 +116,12 @@ def test_machine_code_finds_what_plain_python_finds() -> None:
     compiled, plain = problem()[0], problem(form=PlainCall)[0]
     for call in (compiled, plain):
         search(call)
-        ask(call, run.MotionTask.SHORTEN, 12)
-        ask(call, run.MotionTask.CORNERS)
+        while ask(call, run.MotionTask.FIND_WAYS, 12) != run.FINISHED:
+            pass
+    assert (rows_of(compiled) == rows_of(plain)).all()
     np.testing.assert_array_equal(way_of(compiled), way_of(plain))
     np.testing.assert_array_equal(compiled.work.cuts, plain.work.cuts)
+    np.testing.assert_array_equal(compiled.work.numbers, plain.work.numbers)
     np.testing.assert_array_equal(compiled.work.generator, plain.work.generator)
 
 
@@ -122,7 +140,7 @@ def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) ->
         limited = call.work.space.unlimited == 0
         assert not np.round(turns)[limited].any()
         longest = time_of(call, way)
-        while ask(call, run.MotionTask.SHORTEN, 10) != run.FINISHED:
+        while ask(call, run.MotionTask.FIND_WAYS, 10) != run.FINISHED:
             shorter = time_of(call, way_of(call))
             assert shorter <= longest + 1e-9
             longest = shorter
@@ -134,9 +152,44 @@ def test_ways_are_clear_lead_to_the_goal_and_repeat(rng: np.random.Generator) ->
             assert not any(contact.touches(a + share * (b - a)) for share in np.linspace(0.0, 1.0, 400))
         call.work.generator[:] = before
         search(call)
-        while ask(call, run.MotionTask.SHORTEN, 3) != run.FINISHED:
+        while ask(call, run.MotionTask.FIND_WAYS, 3) != run.FINISHED:
             pass
         np.testing.assert_array_equal(way_of(call), way)
+
+
+def test_the_quickest_of_some_ways_is_taken(rng: np.random.Generator) -> None:
+    call, contact = problem()
+    for _ in range(4):
+        before, found = rng.integers(1, 1000, 6), []
+        for ways in (1, 2, 6):
+            call.work.generator[:] = before
+            begin(call, ways)
+            while ask(call, run.MotionTask.FIND_WAYS, 256) != run.FINISHED:
+                pass
+            assert call.work.integers[run.MotionInteger.GOAL] == 0
+            duration, at_full_speed = call.work.numbers.tolist()
+            assert time_of(call, way_of(call)) == pytest.approx(at_full_speed, rel=1e-12)
+            assert duration == pytest.approx(0.05 * (rows_of(call).shape[1] - 1), abs=0.2)
+            assert all(contact.in_the_way(a, b) is None for a, b in itertools.pairwise(way_of(call)))
+            found.append(duration)
+        assert found[0] >= found[1] >= found[2]
+
+
+def test_motions_of_the_trees_that_are_certain_are_clear(rng: np.random.Generator) -> None:
+    call, contact = problem()
+    trees, space, certain = call.work.trees, call.work.space, 0
+    for _ in range(20):
+        call.work.generator[:] = rng.integers(1, 1000, 6)
+        search(call)
+        for tree in range(2):
+            q, first = trees.q.reshape(2, -1, 6)[tree], 1024 * tree
+            for node in range(trees.integers[tree]):
+                parent = trees.parents[first + node]
+                if parent != NONE and trees.known[first + node] == IS_CERTAIN:
+                    end = angles.nearest_copy(q[node], q[parent], space.unlimited == 1)
+                    assert contact.in_the_way(q[parent], end) is None
+                    certain += 1
+    assert certain > 20
 
 
 def test_a_cut_corner_is_clear() -> None:
@@ -157,7 +210,7 @@ def test_a_cut_corner_is_clear() -> None:
 def test_corners_that_are_none_are_left_out() -> None:
     call = problem()[0]
     search(call)
-    while ask(call, run.MotionTask.SHORTEN, 50) != run.FINISHED:
+    while ask(call, run.MotionTask.FIND_WAYS, 50) != run.FINISHED:
         pass
     way, cuts = way_of(call), call.work.cuts.copy()
     assert len(way) > 2
@@ -185,7 +238,7 @@ def test_a_goal_to_which_no_motion_is_certain_is_told_apart() -> None:
     for kept, state in ((1e-4, run.GoalState.BLOCKED), (slack, run.GoalState.NEAR)):
         work.sight.contact.numbers[ContactNumber.SLACK] = kept
         assert ask(call, run.MotionTask.LOOK) == 1
-        assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == -1
+        assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == (state == run.GoalState.NEAR)
         assert work.known[0] == state
     work.start[:] = work.goals[:6]
     assert ask(call, run.MotionTask.LOOK) == 0
@@ -268,8 +321,8 @@ def test_random_configurations_are_near_to_the_tree_that_grows_or_to_what_is_bet
 
 def test_a_search_without_room_says_so() -> None:
     call = problem(room=2)[0]
-    assert ask(call, run.MotionTask.STRAIGHT_MOTIONS) == -1
-    assert ask(call, run.MotionTask.BEGIN_SEARCH, 500) == 0
+    begin(call)
+    assert ask(call, run.MotionTask.FIND_WAYS, 500) == run.SEARCHING
     assert call.work.trees.integers[SearchInteger.IS_FULL] == 1
     assert call.work.trees.integers[SearchInteger.SAMPLES] == 0
     assert len(call.work.way.integers) == WayInteger.COUNT

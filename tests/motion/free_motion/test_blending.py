@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from jacokin.motion.free_motion.sections import TimedCourse, fit_time
+from jacokin.motion.free_motion.timed_course import TimedCourse, fit_time
 from jacokin.motion.timing import fit_course
 
 VELOCITY = np.array([0.63, 0.63, 0.63, 0.84, 0.84, 0.84])  # [rad/s]

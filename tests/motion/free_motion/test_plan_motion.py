@@ -164,7 +164,7 @@ def test_more_ways_are_never_slower(robot: Robot, rng: np.random.Generator) -> N
     assert quicker
 
 
-def test_trees_grow_beyond_their_first_room(
+def test_trees_ways_and_rows_grow_beyond_their_first_room(
     robot: Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start, pose = ways_through(robot, rng)
@@ -175,6 +175,8 @@ def test_trees_grow_beyond_their_first_room(
         return make_trees(dof, room)
 
     monkeypatch.setattr(search, "FIRST_ROOM", 3)
+    monkeypatch.setattr(search, "CORNERS", 2)
+    monkeypatch.setattr(search, "ROWS", 4)
     monkeypatch.setattr(search, "make_trees", make)
     solver = IKSolver(robot, collision="reject", scene=WALL)
     with ThreadPoolExecutor(1) as pool:  # a thread that has no work arrays yet

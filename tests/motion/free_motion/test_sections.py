@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import reduce
 from itertools import pairwise
 from typing import Any
 
@@ -10,13 +9,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from jacokin import IKSolver, Robot
+from jacokin import IKSolver, Robot, load_robot
 from jacokin.arrays import Array
 from jacokin.ik import Box, Scene
+from jacokin.kernels.free_motion.rows import duration_of, make_row_work
+from jacokin.kernels.free_motion.shortcuts import WayInteger, make_way
+from jacokin.model.contact import contact_of_nothing
 from jacokin.motion import Trajectory, plan_motion
-from jacokin.motion.free_motion.sections import make_sections
+from jacokin.motion.free_motion.search import CutWay, Randomness, WaySearch
+from jacokin.motion.free_motion.timed_course import fit_time
 from jacokin.motion.joint_motion import rest_to_rest
-from jacokin.motion.rows import Limits, Rows, joined
+from jacokin.motion.rows import Limits, Rows
 
 SPEED = np.array([0.6, 0.6, 0.6, 0.8, 0.8, 0.8])  # [rad/s]
 FINE = 1e-4  # [s]
@@ -32,8 +35,11 @@ def random_way(rng: np.random.Generator, corners: int) -> tuple[Array, Array]:
 
 
 def written(way: Array, cuts: Array, limits: Limits, dt: float = 0.01) -> Rows:
-    """Rows of all sections."""
-    return reduce(joined, (r for s in make_sections(way, cuts, SPEED, limits) for r in s.write(dt, 1.0, None)))
+    """Rows of all sections, where nothing touches."""
+    robot = load_robot()
+    search = WaySearch(robot, contact_of_nothing(robot), 0.0)
+    search.begin(way[0], way[-1:], SPEED, limits, Randomness())
+    return search.write(CutWay(way, cuts), dt)
 
 
 def with_stops(way: Array, limits: Limits, dt: float = 0.01) -> float:
@@ -68,8 +74,7 @@ def test_limits_hold_at_every_instant(rng: np.random.Generator, jerk: float | No
         assert not rows.a[[0, -1]].any()
         assert (rows.q >= way.min(axis=0) - 1e-12).all()
         assert (rows.q <= way.max(axis=0) + 1e-12).all()
-        sections = make_sections(way, cuts, SPEED, limits)
-        least = sum(section.timed.duration for section in sections)
+        least = fit_time(way, cuts, SPEED, limits.velocity, limits.acceleration).duration
         assert least <= rows.t[-1] <= with_stops(way, limits) + 1e-9
 
 
@@ -166,5 +171,10 @@ def test_the_expected_duration_is_that_of_a_line(rng: np.random.Generator) -> No
     for jerk, closely in ((None, 1e-6), (20.0, 1e-6), (1e-3, 0.07)):  # from the last on, full speed is not reached
         way, cuts = random_way(rng, 0)
         limits = Limits(SPEED, np.ones(6), None if jerk is None else np.full(6, jerk))
-        (section,) = make_sections(way, cuts, SPEED, limits)
-        assert section.duration == pytest.approx(with_stops(way, limits, 1e-4), rel=closely + 3e-4)
+        work, line = make_row_work(6, 2), make_way(6, 2)
+        work.limits[0::3], work.limits[1::3] = limits.velocity, limits.acceleration
+        work.limits[2::3] = np.inf if limits.jerk is None else limits.jerk
+        work.course.full[:], work.course.velocity[:], work.course.acceleration[:] = SPEED, SPEED, 1.0
+        line.q[:], line.integers[WayInteger.POINTS] = way.ravel(), 2
+        duration = duration_of(work, line, cuts, 6)
+        assert duration == pytest.approx(with_stops(way, limits, 1e-4), rel=closely + 3e-4)
