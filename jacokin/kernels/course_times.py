@@ -17,6 +17,7 @@ from jacokin.arrays import Array
 from jacokin.kernels.free_motion.corners import STRAIGHT
 from jacokin.kernels.speeds import STILL, SpeedWork, fit_speeds, make_speed_work
 
+USED = 1.0 - 1e-9  # of limits; what remains is for rounding
 GRID = 0.02  # [s] between places, at least
 ON_CURVE = 12  # pieces of a parabola
 ON_LINE = 24  # pieces of a line at most

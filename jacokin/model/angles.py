@@ -34,7 +34,7 @@ def nearest_copy(q: Array, near: Array, unlimited: NDArray[np.bool_] | bool = Tr
         near: (..., n) the other angles.
         unlimited: (n,) which angles may take another copy.
     """
-    return np.where(unlimited, q + TURN * np.round((near - q) / TURN), q)
+    return np.where(unlimited, q + TURN * np.rint((near - q) / TURN), q)
 
 
 def circular_distance(q: Array, near: Array, unlimited: NDArray[np.bool_] | bool = True) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.course_times import CourseInteger, CourseWork, fit_course_times, make_course_work, stands
+from jacokin.kernels.course_times import USED, CourseInteger, CourseWork, fit_course_times, make_course_work, stands
 from jacokin.kernels.free_motion.corners import CHORD, CORNER_TRIES, LARGEST_CUT
 from jacokin.kernels.free_motion.shortcuts import Way, WayInteger
 from jacokin.kernels.free_motion.sight import Sight, moves_clear
@@ -36,7 +36,7 @@ class RowWork(NamedTuple):
 
     numbers: Array  # (ROW_NUMBERS,)
     limits: Array  # (3 dof,) of velocity, acceleration and jerk of each joint in turn; infinite for none
-    course: CourseWork  # of one section, and within slightly less than these limits
+    course: CourseWork  # of one section, within slightly less than these limits
     counts: NDArray[np.int64]  # (3,) of what samples, and of what averages
     span: Array  # (1,) [s]
     lower: Array  # (dof,) of what a section passes [rad]
@@ -53,12 +53,12 @@ def make_row_work(dof: int = 0, points: int = 0, rows: int = 0) -> RowWork:
     return RowWork(np.ones(RowNumber.COUNT), limits, course, counts, np.zeros(1), lower, upper, taken, rest)
 
 
-def duration_of(work: RowWork, way: Way, cuts: Array, dof: int) -> float:
+def duration_of(work: RowWork, way: Way, cuts: Array, space: Space) -> float:
     """About what a way takes, corners passed [s]; exact without limits of jerk, and for lines with full speed."""
-    total, begin, change, t = 0.0, 0.0, change_of(work, dof), work.course.t
+    total, begin, change, t = 0.0, 0.0, change_of(work, len(space.speed)), work.course.t
     if way.integers[WayInteger.POINTS] < 2:
         return total
-    for i in range(1, fit_section(work, way, cuts, dof, 0, way.integers[WayInteger.POINTS] - 1)):
+    for i in range(1, fit_section(work, way, cuts, space, 0, way.integers[WayInteger.POINTS] - 1)):
         if stands(work.course, work.course.s[i]):
             taken, begin = t[i] - begin, t[i]
             slower = slower_by(taken, change)
@@ -97,7 +97,7 @@ def write_section(
     slower = work.numbers[RowNumber.SLOWER]
     if last == first + 1:
         return write_lines(work, way, dof, points, row)
-    places = fit_section(work, way, cuts, dof, first, last)
+    places = fit_section(work, way, cuts, space, first, last)
     duration, change = work.course.t[places - 1], change_of(work, dof)
     if change == 0.0:
         return write_course(work, way, dof, places, points, row, slower)
@@ -173,9 +173,12 @@ def rows_from(work: RowWork, at: int) -> tuple[Array, Array, Array]:
     return work.rest.q[at:], work.rest.v[at:], work.rest.a[at:]
 
 
-def fit_section(work: RowWork, way: Way, cuts: Array, dof: int, first: int, last: int) -> int:
+def fit_section(work: RowWork, way: Way, cuts: Array, space: Space, first: int, last: int) -> int:
     """Fit the course from one point of the way to another, at rest at both; returns its places."""
-    course = work.course
+    course, dof = work.course, len(space.speed)
+    for j in range(dof):
+        course.full[j] = space.speed[j]
+        course.velocity[j], course.acceleration[j] = USED * work.limits[3 * j], USED * work.limits[3 * j + 1]
     for k in range(first, last + 1):
         course.cuts[k - first] = cuts[k]
         for j in range(dof):

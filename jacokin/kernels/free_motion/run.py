@@ -40,6 +40,7 @@ from jacokin.kernels.free_motion.space import (
     Space,
     make_space,
     remember,
+    weigh,
 )
 from jacokin.kernels.free_motion.trees import (
     NONE,
@@ -128,6 +129,7 @@ def find_ways(work: MotionWork) -> int:
     dof, steps, is_late = integers[MotionInteger.JOINTS], integers[MotionInteger.STEPS], integers[MotionInteger.IS_LATE]
     stage = integers[MotionInteger.STAGE]
     if stage == CHOOSING:
+        weigh(space, dof)
         roots = choose_goals(work)
         if roots == 0:
             return finish(work)
@@ -193,7 +195,7 @@ def compare(work: MotionWork) -> int:
     points = way.integers[WayInteger.POINTS]
     if points > len(work.rows.course.cuts):
         return TIMING
-    duration = duration_of(work.rows, way, work.cuts, dof)
+    duration = duration_of(work.rows, way, work.cuts, work.space)
     if integers[MotionInteger.GOAL] == NONE or duration < work.numbers[MotionNumber.DURATION]:
         integers[MotionInteger.GOAL] = work.chosen[way.integers[WayInteger.GOAL]]
         integers[MotionInteger.POINTS] = points

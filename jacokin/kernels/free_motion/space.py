@@ -55,6 +55,17 @@ def uniform(generator: NDArray[np.int64]) -> float:
     return float((first - second) % FIRST_MODULUS) * UNIT
 
 
+def weigh(space: Space, dof: int) -> None:
+    """Fill the weights: a joint counts more that is slower, and none as more than four times as fast as the slowest."""
+    slowest, total = math.inf, 0.0
+    for j in range(dof):
+        slowest = min(slowest, space.speed[j])
+    for j in range(dof):
+        total += min(space.speed[j], 4.0 * slowest)
+    for j in range(dof):
+        space.weights[j] = total / dof / min(space.speed[j], 4.0 * slowest)
+
+
 def difference(space: Space, dof: int, a: Array, b: Array, step: Array) -> None:
     """Fill the step (dof,) from one configuration to another, unlimited joints the short way round [rad]."""
     for j in range(dof):

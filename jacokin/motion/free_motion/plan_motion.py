@@ -258,14 +258,15 @@ class _Request(NamedTuple):
             status = MotionStatus.NO_WAY if missed else MotionStatus.UNREACHABLE
             return self._stay(status, missed or finder.why_none(aims))
         rows = np.array([each.q for each in goals])
-        still = np.flatnonzero(np.abs(rows - self.start).max(axis=1) <= SAME)
-        if len(still) and not search.contact.touches(self.start):
-            return self._go(CutWay(self.start[None], np.zeros(1)), 0.0, goals[int(still[0])], search, "")
-        beginning = self._begin(search, inside, rows, deadline)
+        order = self._order(rows, self.start)
+        if np.abs(rows[order[0]] - self.start).max() <= SAME and not search.contact.touches(self.start):
+            return self._go(CutWay(self.start[None], np.zeros(1)), 0.0, goals[order[0]], search, "")
+        beginning = self._begin(search, inside, rows[order[:8]], deadline)
         if isinstance(beginning, Trajectory):
             return beginning
         before, note = beginning
-        order = np.argsort(self._times(rows, before[-1]), kind="stable")
+        if len(before) > 1:
+            order = self._order(rows, before[-1])
         rows = rows[order]
         search.begin(before[-1], rows, self.speed, self.limits, rng)
         near = search.go_straight()
@@ -301,9 +302,10 @@ class _Request(NamedTuple):
             reasons.append(f"are nearer to something than motions are kept: {next(iter(nearness.values()))}")
         return f"all {count} configurations that reach the goal {', or '.join(reasons)}"
 
-    def _times(self, rows: Array, start: Array) -> Array:
-        """Of straight motions from a configuration (dof,) to some (n, dof), at full speed."""
-        return np.asarray((np.abs(rows - start) / self.speed).max(axis=1))
+    def _order(self, rows: Array, start: Array) -> list[int]:
+        """Of goals (n, dof), by the times of straight motions from a configuration (dof,) at full speed."""
+        times = (np.abs(rows - start) / self.speed).max(axis=1).tolist()
+        return sorted(range(len(rows)), key=times.__getitem__)
 
     def _begin(self, search: WaySearch, inside: Array, goals: Array, deadline: float) -> _Beginning | Trajectory:
         """Bring joints onto their limits, then apart what is near; or the motion that stays, with the reason.
@@ -311,7 +313,7 @@ class _Request(NamedTuple):
         Args:
             search: knows what is near.
             inside: (dof,) the start, each joint within its limits [rad].
-            goals: (n, dof) [rad].
+            goals: (n, dof), those to which a straight motion out of contact is tried [rad].
             deadline: on the clock of `time.monotonic` [s].
         """
         rows, notes = [self.start], list[str]()
@@ -340,9 +342,7 @@ class _Request(NamedTuple):
                 "what touches is pulled apart"
             )
             return self._stay(MotionStatus.START_IN_CONTACT, sentence)
-        out = leaving.way_out(
-            inside, near, goals[np.argsort(self._times(goals, self.start), kind="stable")[:8]], deadline
-        )  # straight to these, if it can be
+        out = leaving.way_out(inside, near, goals, deadline)
         if out is None:
             sentence = (
                 f"{where}, nearer than {kept:.3g} m (the clearance and a reserve), and no straight motion was "

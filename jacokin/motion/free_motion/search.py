@@ -36,7 +36,6 @@ from jacokin.model import checks
 from jacokin.model.contact import REFUSED_WITHIN, Contact, Pair
 from jacokin.model.robot import Robot
 from jacokin.motion.free_motion.leaving import Leaving, Nearness
-from jacokin.motion.free_motion.timed_course import USED
 from jacokin.motion.rows import Limits, Rows
 from jacokin.motion.timing import MAX_TICKS, check_ticks
 
@@ -141,9 +140,8 @@ class WaySearch:
         work.integers[MotionInteger.JOINTS], work.integers[MotionInteger.GOALS] = len(start), len(goals)
         work.space.speed[:] = speed
         work.hindrances.times[:] = 0
-        each, course = work.rows.limits.reshape(-1, 3).T, work.rows.course
-        each[0], each[1], each[2] = limits.velocity, limits.acceleration, np.inf if limits.jerk is None else limits.jerk
-        course.full[:], course.velocity[:], course.acceleration[:] = speed, USED * each[0], USED * each[1]
+        work.rows.limits[0::3], work.rows.limits[1::3] = limits.velocity, limits.acceleration
+        work.rows.limits[2::3] = np.inf if limits.jerk is None else limits.jerk
         self._local.rng = rng
 
     def go_straight(self) -> list[int]:
@@ -177,7 +175,7 @@ class WaySearch:
         call = self._call()
         work, options = call.work, call.work.integers
         if options[MotionInteger.STAGE] != FINISHED:
-            self._set_out(work)
+            work.generator[:] = self._local.rng.first_numbers()
             options[MotionInteger.TASK], options[MotionInteger.WAYS] = MotionTask.FIND_WAYS, ways
             options[MotionInteger.STEPS], options[MotionInteger.TRIES_IN_VAIN] = AT_ONCE, IN_VAIN
             options[MotionInteger.IS_LATE] = 0
@@ -188,14 +186,6 @@ class WaySearch:
                 elif call.work.trees.integers[SearchInteger.IS_FULL]:
                     call = self._grow()
         return Found(self._way(), int(options[MotionInteger.GOAL]), float(work.numbers[MotionNumber.DURATION]))
-
-    def _set_out(self, work: MotionWork) -> None:
-        """What a search begins with, the first after `begin`."""
-        space = work.space
-        work.generator[:] = self._local.rng.first_numbers()
-        # When steps are measured, no joint counts as more than four times as fast as the slowest.
-        compared = np.minimum(space.speed, 4.0 * space.speed.min())
-        space.weights[:] = float(compared.sum()) / len(compared) / compared
 
     @property
     def samples(self) -> int:
@@ -336,8 +326,7 @@ class WaySearch:
     def _grow_course(self, points: int) -> Call[MotionWork]:
         """The call with room for the corners of a way of so many points, and more."""
         work = self._call().work
-        course, old = make_course_work(len(work.start), 2 * points), work.rows.course
-        course = course._replace(full=old.full, velocity=old.velocity, acceleration=old.acceleration)
+        course = make_course_work(len(work.start), 2 * points)
         return self._with(work._replace(rows=work.rows._replace(course=course)))
 
     def _grow_rows(self, rows: int) -> Call[MotionWork]:

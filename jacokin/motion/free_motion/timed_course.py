@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
-from jacokin.kernels.course_times import CourseInteger, fit_course_times, make_course_work
+from jacokin.kernels.course_times import USED, CourseInteger, fit_course_times, make_course_work
 from jacokin.kernels.library import Calls
-
-USED = 1.0 - 1e-9  # of the limits; what remains is for rounding
 
 _fit = Calls(fit_course_times, make_course_work, kept=500)  # corners
 

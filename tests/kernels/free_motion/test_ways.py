@@ -48,7 +48,6 @@ def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> 
     space.low[:], space.high[:] = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, 2.0 * np.pi)
     space.low[robot.unlimited], space.high[robot.unlimited] = -np.pi, np.pi
     space.speed[:] = robot.velocity_limit
-    space.weights[:] = robot.velocity_limit.mean() / robot.velocity_limit
     space.levers[:] = contact.levers
     numbers = work.sight.contact.numbers
     numbers[ContactNumber.MARGIN_KEPT], numbers[ContactNumber.SLACK] = 0.0, 1e-4  # [m]
@@ -58,9 +57,7 @@ def problem(around: Surroundings = WALL, form: Any = Call, room: int = 1024) -> 
     work.start[:] = solver.solve(jacokin.pose([0.4, -0.3, 0.3], down=True)).q
     goal = solver.solve(jacokin.pose([0.4, 0.25, 0.3], down=True), seed=work.start).q
     work.goals[:6], work.integers[run.MotionInteger.GOALS], work.integers[run.MotionInteger.ENOUGH] = goal, 1, 1
-    rows = work.rows
-    rows.limits[0::3], rows.limits[1::3], rows.course.full[:] = robot.velocity_limit, 1.0, robot.velocity_limit
-    rows.course.velocity[:], rows.course.acceleration[:] = robot.velocity_limit, 1.0
+    work.rows.limits[0::3], work.rows.limits[1::3] = robot.velocity_limit, 1.0
     return call, contact
 
 

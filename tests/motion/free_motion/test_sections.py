@@ -14,6 +14,7 @@ from jacokin.arrays import Array
 from jacokin.ik import Box, Scene
 from jacokin.kernels.free_motion.rows import duration_of, make_row_work
 from jacokin.kernels.free_motion.shortcuts import WayInteger, make_way
+from jacokin.kernels.free_motion.space import make_space
 from jacokin.model.contact import contact_of_nothing
 from jacokin.motion import Trajectory, plan_motion
 from jacokin.motion.free_motion.search import CutWay, Randomness, WaySearch
@@ -174,7 +175,8 @@ def test_the_expected_duration_is_that_of_a_line(rng: np.random.Generator) -> No
         work, line = make_row_work(6, 2), make_way(6, 2)
         work.limits[0::3], work.limits[1::3] = limits.velocity, limits.acceleration
         work.limits[2::3] = np.inf if limits.jerk is None else limits.jerk
-        work.course.full[:], work.course.velocity[:], work.course.acceleration[:] = SPEED, SPEED, 1.0
+        space = make_space(6)
+        space.speed[:] = SPEED
         line.q[:], line.integers[WayInteger.POINTS] = way.ravel(), 2
-        duration = duration_of(work, line, cuts, 6)
+        duration = duration_of(work, line, cuts, space)
         assert duration == pytest.approx(with_stops(way, limits, 1e-4), rel=closely + 3e-4)
