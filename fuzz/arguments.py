@@ -45,7 +45,8 @@ SKIPPED = {"warmup", "Physics.disable", "ProcessLink", "run"}  # the last two st
 INTERNAL = {
     "IKSolver.dimension_of", "Robot.once", "Robot.placement", "quat_wxyz",
     "Box.add_to", "Capsule.add_to", "Floor.add_to", "PointCloud.add_to", "PointCloud.some_points",
-    "SelfContact.all_touching", "SelfContact.are_in_the_way", "SelfContact.distances", "SelfContact.in_the_way",
+    "SelfContact.all_touching", "SelfContact.are_in_the_way", "SelfContact.between_rows", "SelfContact.distances",
+    "SelfContact.in_the_way",
     "SelfContact.list_touching", "SelfContact.nearest", "SelfContact.nearest_between", "SelfContact.ordered",
     "SelfContact.distances_kept", "SelfContact.pair_numbers", "SelfContact.touches", "SelfContact.touches_at",
     "SelfContact.touching_from", "SelfContact.with_clearance",
