@@ -46,7 +46,7 @@ C_ENTRIES = tuple(entry for entry in ENTRIES if entry.run.__name__ in c_library.
 #: Kernels that share most of their code: in one object file it is once.
 GROUPS = (
     ("solve_targets", "rank_labellings", "solve_clear_targets", "solve_set"),
-    ("run_contact", "check_between", "find_near_points", "run_free_motion", "run_tick", "try_reach"),
+    ("run_contact", "find_near_points", "run_free_motion", "check_between", "run_tick", "try_reach"),
 )
 #: Kernels of one object file.
 Group: TypeAlias = tuple[Entry, ...]
