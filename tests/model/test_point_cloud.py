@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -219,9 +220,17 @@ def test_a_tracker_stops_before_a_cloud(robot: Robot, rng: np.random.Generator, 
     assert np.mean(found) > 0.01 + 0.7 * ahead
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_a_hand_that_is_pressed_at_sparse_points_comes_to_rest(robot: Robot, seed: int) -> None:
-    """Only the direction of the surface that the nearest points make was kept: 119 jolts in three seconds."""
+@pytest.mark.parametrize(
+    ("name", "seed"), [("j2n6s300", 0), pytest.param("j2n6s300", 2, marks=pytest.mark.slow), ("gen3", 0)]
+)
+def test_a_hand_that_is_pressed_at_sparse_points_comes_to_rest(
+    bundled: Callable[[str], Robot], name: str, seed: int
+) -> None:
+    """Only the direction of the surface that the nearest points make was kept: 119 jolts in three seconds.
+
+    So it still was for a hand that is so wide that many points are near.
+    """
+    robot = bundled(name)
     start, rng = robot.forward_kinematics(robot.home), np.random.default_rng(seed)
     target = pin.SE3(start.rotation, start.translation + np.array([0.5, 0.0, 0.0]))
     points = start.translation + np.column_stack([np.full(500, 0.2), rng.uniform(-0.2, 0.2, (500, 2))])

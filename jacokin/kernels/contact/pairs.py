@@ -27,8 +27,8 @@ LEVEL, SURFACE_NUMBERS = 10, 11
 #: little, as corners of a side that is not quite flat are nearest then, which are behind others after a large turn. All
 #: corners that are found, at most.
 TILTS, AXES, CORNERS = (0.15, 0.02), 8, 16
-#: Points of a cloud that are looked at one by one; where more are near, the surface that they make is.
-MOST_POINTS = 64
+#: Points of a cloud that are looked at one by one; so many that are near make a surface, which is looked at instead.
+MOST_POINTS, DENSE = 64, 160
 #: [m] corners that are nearer to each other are one.
 ONE_CORNER = 1e-3
 
@@ -110,13 +110,12 @@ def measure_points(
     """Fill the numbers (MOST_POINTS, 11) of a shape and each point of a cloud, the second, within a distance [m].
 
     Returns:
-        How many rows are filled; none where too many points are near.
+        How many points there are; more than room in `found` if they are too many. Rows are filled if there is one for
+        each.
     """
     relate(shapes, places.frames, pair[0], pair[1], work.relative)
     count = find_points(shapes, pair, work, within, found)
-    if count > len(found):
-        return 0
-    for k in range(count):
+    for k in range(count if count <= MOST_POINTS else 0):
         row = rows[k]
         row[0] = row[LEVEL] = separate_point(shapes, pair, work, found[k])
         fill_points(shapes, places, pair, witness(work, 0), witness(work, 1), witness(work, 2), row)

@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import Places, place_links
 from jacokin.kernels.contact.cloud_surface import AROUND_NUMBERS, MOST_AROUND
-from jacokin.kernels.contact.pairs import CORNERS, LEVEL, MOST_POINTS, SURFACE_NUMBERS, measure_pair, measure_surfaces
+from jacokin.kernels.contact.pairs import (
+    CORNERS,
+    DENSE,
+    LEVEL,
+    MOST_POINTS,
+    SURFACE_NUMBERS,
+    measure_pair,
+    measure_surfaces,
+)
 from jacokin.kernels.contact.run import NOTHING
 from jacokin.kernels.contact.separation import SeparationWork, make_separation_work
 from jacokin.kernels.contact.shapes import CENTRE
@@ -114,7 +122,7 @@ class ReachWork(NamedTuple):
     pair: SeparationWork
     measured: Array  # (1, 11) to work in
     corners: Array  # (MOST_POINTS, 11) to work in, more than 1 + CORNERS
-    points: NDArray[np.int64]  # (MOST_POINTS,) to work in
+    points: NDArray[np.int64]  # (DENSE,) to work in
     around: Array  # (MOST_AROUND, 4) to work in
     pairs: Pairs
     levers: Levers
@@ -147,7 +155,7 @@ def make_reach_work(geometry: Geometry = NOTHING, pairs: int = 0, movers: int = 
         make_separation_work(),
         np.zeros((1, SURFACE_NUMBERS)),
         np.zeros((max(1 + CORNERS, MOST_POINTS), SURFACE_NUMBERS)),
-        np.zeros(MOST_POINTS, np.int64),
+        np.zeros(DENSE, np.int64),
         np.zeros((MOST_AROUND if pairs else 0, AROUND_NUMBERS)),
         Pairs(
             np.zeros((pairs, PAIR_INTEGERS), np.int64),

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from jacokin.arrays import Array
 from jacokin.kernels.contact.arm import HINGE, place_links
-from jacokin.kernels.contact.pairs import LEVEL, measure_corners, measure_pair, measure_points, measure_surfaces
+from jacokin.kernels.contact.pairs import (
+    DENSE,
+    LEVEL,
+    MOST_POINTS,
+    measure_corners,
+    measure_pair,
+    measure_points,
+    measure_surfaces,
+)
 from jacokin.kernels.contact.shapes import CLOUD, KIND, RADIUS
 from jacokin.kernels.tracking.near import (
     BUFFER,
@@ -42,8 +53,9 @@ from jacokin.kernels.tracking.tasks import axis_of, place_joints
 from jacokin.kernels.tracking.tick import GUARDED, TickWork
 from jacokin.kernels.vector import cross, mix, norm
 
-#: [m] farther away than the nearest point of a cloud, up to which each point has an inequality of its own.
-BESIDE = 0.03
+#: [m] farther away than the nearest point of a cloud, up to which each point has an inequality of its own; halved so
+#: often where they are too many: those that are left out are the last to become the nearest ones.
+BESIDE, HALVED = 0.03, 2
 
 
 def take_near(tick: TickWork, reach: ReachWork, first: int) -> None:
@@ -156,8 +168,7 @@ def add_corners(tick: TickWork, reach: ReachWork, placed: bool) -> None:
         there.integers[0, FIRST_JOINT], there.integers[0, LAST_JOINT] = pair[INNER], pair[OUTER]
         shapes, rows = reach.geometry.shapes, reach.corners
         if shapes.integers[pair[1], KIND] == CLOUD:
-            within = near.numbers[k, DISTANCE] - min(room_of(near, k), 0.0) + BESIDE
-            count = measure_points(shapes, reach.places, reach.pair, pair, within, reach.points, rows)
+            count = measure_nearest(reach, pair, near.numbers[k, DISTANCE] - min(room_of(near, k), 0.0))
             for c in range(count):
                 note_near(reach, i, rows[c], there.numbers[0])
                 add_row(tick, near.integers[k, ROW] if c == 0 else near.counts[1])
@@ -169,6 +180,21 @@ def add_corners(tick: TickWork, reach: ReachWork, placed: bool) -> None:
             # Points of a cloud beside the nearest one are farther away than they are along its surface's normal.
             there.numbers[0, GAP] = max(there.numbers[0, GAP], near.numbers[k, GAP])
             add_row(tick, near.counts[1])
+
+
+def measure_nearest(reach: ReachWork, pair: NDArray[np.int64], distance: float) -> int:
+    """Measure the nearest points of a cloud, not much farther away than a distance [m]; 0 where they are a surface."""
+    beside = BESIDE
+    count = measure_points(
+        reach.geometry.shapes, reach.places, reach.pair, pair, distance + beside, reach.points, reach.corners
+    )
+    for _ in range(HALVED):
+        if MOST_POINTS < count <= DENSE:
+            beside *= 0.5
+            count = measure_points(
+                reach.geometry.shapes, reach.places, reach.pair, pair, distance + beside, reach.points, reach.corners
+            )
+    return count if count <= MOST_POINTS else 0
 
 
 def add_row(tick: TickWork, at: int) -> None:
