@@ -9,7 +9,7 @@ and might be there in time, or one comes from one side by all three and no more 
 between are halved, until they cannot, or until curves are found there. Beside a fold of a curve its own pair is on the
 way to the axis, too, and hides what comes there before; so F is looked at right beside each fold once the curves are
 known. There the distance of its own pair tells little about where that pair comes to the axis again; it does as seen
-from elsewhere, if not where the fold is.
+from elsewhere, if not where the fold is. So it is where a pair has left the axis just before, or all but come to it.
 
 Where F vanishes at one value of the parameter, whatever x is, a curve may go round at that value, of which no root next
 to there tells. The size of F has a minimum there, and the joints are solved for at the very value. Where F all but
@@ -109,7 +109,7 @@ NEARER, SHORTEST_ASIDE, LEAST_SPEED, FASTEST = 0.1, 1e-8, 1.0, 1e3
 #: [rad] to where F is looked at again in a labelling in which it is noise.
 ELSEWHERE = 1.0
 #: [rad] of the parameter: the shortest distance that is halved, and from a fold that is known. How far from there its
-#: pair may be expected: relative to that, and to the distance of any other place.
+#: pair may be expected: relative to that, and to the distance of any other place. So near to a fold counts as at it.
 BESIDE, AT_FOLD, NEAR_FOLD = 3e-5, 0.2, 0.1
 #: Where its pair is noise there, how often to look farther away.
 FARTHER, TIMES_FARTHER = 2, 5.0
@@ -146,7 +146,7 @@ class Islands(NamedTuple):
     passed: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) how often curves pass each value
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 4) see `Look`
-    stack: Array  # (DEPTH, 10) two values, what is known of each: when pairs come, real roots, whether it is a fold
+    stack: Array  # (DEPTH, 12) two values, and of each, see `Look`: when pairs come, real roots, whether it is a fold
     vanishing: Array  # (LOOKED_AT, 2) see `find_vanishing`
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
     crossed: NDArray[np.int64]  # (LOOKED_AT, LINES) how often curves pass there before the next slice
@@ -170,7 +170,7 @@ def make_islands() -> Islands:
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
         np.zeros(LABELLINGS, np.int64),
         np.empty((LOOKED_AT, 4)),
-        np.empty((DEPTH, 10)),
+        np.empty((DEPTH, 12)),
         np.empty((LOOKED_AT, 2)),
         np.zeros((LOOKED_AT, LINES)),
         np.zeros((LOOKED_AT, LINES), np.int64),
@@ -597,9 +597,9 @@ def halve(
     while top >= 0:
         low, high = stack[top, 0], stack[top, 1]
         count, fold = int(stack[top, 4]), int(stack[top, 5])
-        first = Look(stack[top, 2], 0.0, stack[top, 3], 0.0, count, count, fold)
+        first = Look(stack[top, 2], stack[top, 10], stack[top, 3], 0.0, count, count, fold)
         count, fold = int(stack[top, 8]), int(stack[top, 9])
-        last = Look(0.0, stack[top, 6], 0.0, stack[top, 7], count, count, fold)
+        last = Look(stack[top, 11], stack[top, 6], 0.0, stack[top, 7], count, count, fold)
         top -= 1
         if not may_come(first, last, high - low) or (high - low < WHOLE and not is_solution(k, six, work, low, high)):
             continue
@@ -630,9 +630,11 @@ def may_come(first: Look, last: Look, length: float) -> bool:
     ):  # it comes, and none is there on the other side
         return True
     elsewhere = (1.0 - NEAR_FOLD) * length
-    if first.at_fold > 0 and last.at_fold > 0:
+    first_at_fold = first.at_fold > 0 or first.behind <= NEAR_FOLD * length
+    last_at_fold = last.at_fold > 0 or last.ahead <= NEAR_FOLD * length
+    if first_at_fold and last_at_fold:
         return True
-    return (first.at_fold > 0 and last.behind <= elsewhere) or (last.at_fold > 0 and first.ahead <= elsewhere)
+    return (first_at_fold and last.behind <= elsewhere) or (last_at_fold and first.ahead <= elsewhere)
 
 
 def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, work: Islands) -> None:
@@ -654,8 +656,8 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
             if faced != at and curve >= first and side < 0.0:  # seen from the other one
                 continue
             other = known(work, i)
-            comes = other.behind if side > 0.0 else other.ahead
-            if faced == at and not comes <= SAFETY * abs(at - fold):
+            comes, gone = (other.behind, other.ahead) if side > 0.0 else (other.ahead, other.behind)
+            if faced == at and not (comes <= SAFETY * abs(at - fold) or gone <= NEAR_FOLD * abs(at - fold)):
                 continue
             away, here = look_beside(k, six, work, fold, side)
             p, there = fold + side * away, here.behind if side > 0.0 else here.ahead
@@ -725,6 +727,7 @@ def write_part(part: Array, low: float, high: float, first: Look, last: Look) ->
     part[0], part[1] = low, high
     part[2], part[3], part[4], part[5] = first.ahead, first.sure_ahead, real_roots(first), first.at_fold
     part[6], part[7], part[8], part[9] = last.behind, last.sure_behind, real_roots(last), last.at_fold
+    part[10], part[11] = first.behind, last.ahead
 
 
 def is_solution(k: ArmConstants, six: SixJoints, work: Islands, low: float, high: float) -> bool:

@@ -37,9 +37,9 @@ from jacokin.kernels.solution_set.curve import (
 )
 from jacokin.kernels.solution_set.slices import Slices
 
-NODES, LOOPS, MEETINGS = 14336, 132, 64
+NODES, LOOPS, MEETINGS = 13184, 132, 64
 #: Of these so many are for the curve that a seed leads to alone, where there is no room for all.
-SPARE_NODES, SPARE_LOOPS = 2048, 4
+SPARE_NODES, SPARE_LOOPS = 896, 4
 #: [rad] shorter steps are not tried: the curve is lost. From the second on, curves that meet are passed; where a curve
 #: turns so sharply that steps are shorter, another one is so near that they may not be told apart.
 SHORTEST_STEP, MEETING_STEP = 1e-9, 1e-4

@@ -296,6 +296,7 @@ def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -
         (96, 50),  # one does, nearer to one
         (90, 275),  # next to where curves meet, the nearest member is on a limit
         (96, 578),  # the seed has more margin than what is found of an incomplete set
+        (7703, 225),  # a pair all but comes to the axis beside an even value, and comes there between that and a fold
     ],
 )
 def test_sets_of_arms_with_special_structures_hold_what_they_are_made_from(
