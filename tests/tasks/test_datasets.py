@@ -394,7 +394,7 @@ def test_mistakes(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match="env must be"):
         jacokin.tasks.record(3, len, tmp_path / "a.hdf5")  # type: ignore[arg-type]
     for wrapped in (
-        RescaleAction(env, np.float32(-1.0), np.float32(1.0)),
+        RescaleAction(env, np.float64(-1.0), np.float64(1.0)),
         FlattenObservation(TaskEnv("reach_site", flatten=False)),
     ):
         with pytest.raises(InvalidInputError, match="env must have the actions and observations of env.unwrapped"):
