@@ -21,11 +21,11 @@ HEAD = """# Performance
 Written by `python -m benchmarks.run`; do not edit. Each figure is of one run on the machine below. Ratios between
 rows carry over to other machines, absolute times do not. All calls are from Python, but for the C library's.
 
-**Others are ahead** in some rows, by figures of November 2026 on a machine about as quick as this one: VAMP plans
-[several times faster](planning_comparison.md); EAIK and ik-geo, 4.5 to 5.4 us for all branches of a UR5, are about as
-quick; jaik gives 800,000 of them a second on a core, unchecked; cartan finds one answer of a Panda or a Gen3 in 40 to
-50 us, for 99 % of poses; a tick of placo within limits takes 5 us, a profile of Ruckig with limits of jerk 14 us, a
-pose of bare Pinocchio half of `forward_kinematics`.
+**Others are ahead** in some rows, by figures of November 2026 on a machine about as quick as this one: VAMP finds
+paths, untimed, in [0.6 of the time of a motion](planning_comparison.md); EAIK and ik-geo, 4.5 to 5.4 us for all
+branches of a UR5, are about as quick; jaik gives 800,000 of them a second on a core, unchecked; cartan finds one answer
+of a Panda or a Gen3 in 40 to 50 us, for 99 % of poses; a tick of placo within limits takes 5 us, a profile of Ruckig
+with limits of jerk 14 us, a pose of bare Pinocchio half of `forward_kinematics`.
 
 **With your own poses**, from a clone: `python -m benchmarks.run --only peers --targets poses.csv`, with the columns x,
 y, z [m], qw, qx, qy, qz. `--peers solve_all solve rtb` takes some of the solvers, `--quick` a tenth of the random
