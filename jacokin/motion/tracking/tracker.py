@@ -100,7 +100,7 @@ class TrackerState(NamedTuple):
     """Where twists have led; None after a target."""
 
 
-class Places(NamedTuple):
+class MovedObstacles(NamedTuple):
     """Where obstacles are at the end of a tick."""
 
     where: Whereabouts | None
@@ -109,7 +109,7 @@ class Places(NamedTuple):
     """(k,) how far they moved since distances were measured, at most [m]; None for not."""
 
 
-NOWHERE = Places(None, None)
+NO_OBSTACLES = MovedObstacles(None, None)
 
 
 class Tracker:
@@ -458,7 +458,7 @@ class Tracker:
         found = self._ticks.report(ON_TARGET if along.is_followed else SOLVED, None)
         return self._end(state, found, self._found(state, contacts), began, along=along)
 
-    def _look(self, state: TrackerState) -> tuple[TrackerState, Places, Contacts]:
+    def _look(self, state: TrackerState) -> tuple[TrackerState, MovedObstacles, Contacts]:
         """Have the kernel know what is near at the end of the tick; with the state there, and what is in contact.
 
         Distances are measured anew where obstacles moved or there was no time for it.
@@ -466,7 +466,7 @@ class Tracker:
         guard, distances = state.guard, state.distances
         if guard is None or distances is None:
             self._ticks.among(None)
-            return state, NOWHERE, NO_CONTACTS
+            return state, NO_OBSTACLES, NO_CONTACTS
         where, shift = places = self._move_obstacles(state)
         if shift is not None or not distances.measured:
             distances = guard.refresh(state.arm.q, distances, shift)
@@ -475,16 +475,16 @@ class Tracker:
         self._ticks.among(guard.work)
         return state, places, guard.take(distances)
 
-    def _move_obstacles(self, state: TrackerState) -> Places:
+    def _move_obstacles(self, state: TrackerState) -> MovedObstacles:
         """Put the obstacles where they are at the end of the tick."""
         guard = state.guard
         if guard is None or state.where is None:
-            return NOWHERE
+            return NO_OBSTACLES
         before = self._state.where if self._state.guard is guard else state.where
         assert before is not None
         where = state.where.after(self.dt)
         guard.put(where)
-        return Places(where, None if where.poses is before.poses else guard.shapes.travel(before, where))
+        return MovedObstacles(where, None if where.poses is before.poses else guard.shapes.travel(before, where))
 
     def _solve(
         self, state: TrackerState, contacts: Contacts, tasks: Tasks, began: float, deadline: float
@@ -529,7 +529,7 @@ class Tracker:
     def _brake(
         self,
         state: TrackerState,
-        moved: Places | None,
+        moved: MovedObstacles | None,
         tasks: Tasks,
         began: float,
     ) -> tuple[TrackerState, TrackerStep]:
