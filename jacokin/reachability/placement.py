@@ -10,6 +10,7 @@ import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -36,6 +37,7 @@ from jacokin.reachability.samples import NOWHERE, Grid, turn_about_base, turn_ab
 STARTS = 12  # places from the grid that are checked and moved
 TURNS = 256  # steps of a full turn, for which the nearest orientation of each target is looked up once
 APART = 0.5  # cells between two places that are worth naming both
+FIRST_TARGETS = 8  # by which places near one that is known are compared first, besides those that it misses
 PLACES = 64  # places whose distances to all targets are held at the same time
 
 
@@ -205,6 +207,54 @@ def _choose_apart(
     return chosen
 
 
+#: Targets reached, and the smallest margin [rad]: places are compared by that.
+_Score = tuple[int, float]
+
+
+class _Measured(NamedTuple):
+    """What is reached from n places, of some targets (k,)."""
+
+    hits: NDArray[np.bool_]
+    """(n, k) which are reached."""
+    margins: Array
+    """(n, k) with what limit margin [rad]."""
+    touching: NDArray[np.bool_]
+    """(n, k) which would be if nothing stood in the way."""
+
+    @classmethod
+    def nothing(cls, places: int) -> _Measured:
+        """No targets."""
+        none = np.zeros((places, 0), np.bool_)
+        return cls(none, np.zeros((places, 0)), none)
+
+    @property
+    def scores(self) -> list[_Score]:
+        """Of each place."""
+        smallest = np.where(self.hits, self.margins, np.inf).min(axis=1, initial=np.inf)
+        return list(zip(self.hits.sum(axis=1).tolist(), smallest.tolist(), strict=True))
+
+    def of(self, places: Sequence[bool] | Sequence[int]) -> _Measured:
+        """Of some of the places."""
+        return _Measured(self.hits[places], self.margins[places], self.touching[places])
+
+    def with_more(self, more: _Measured) -> _Measured:
+        """With more targets after these."""
+        return _Measured(
+            np.concatenate([self.hits, more.hits], axis=1),
+            np.concatenate([self.margins, more.margins], axis=1),
+            np.concatenate([self.touching, more.touching], axis=1),
+        )
+
+    def in_order(self, numbers: NDArray[np.int_]) -> _Measured:
+        """With the targets, which are these by number, in the order of their numbers."""
+        back = np.argsort(numbers)
+        return _Measured(self.hits[:, back], self.margins[:, back], self.touching[:, back])
+
+
+#: Of places (n, 3), a turn of the base, and targets by number.
+_Measure = Callable[[Array, float, NDArray[np.int_]], _Measured]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Refinement:
     """Looks for better places near given ones, by the closed form.
@@ -229,38 +279,33 @@ class _Refinement:
         """Whether the base does not stand inside an obstacle."""
         return self.world is None or not self.world.is_blocked(pin.SE3(turn_about_z(yaw), place))
 
-    def score(self, yaw: float, place: Array) -> tuple[int, float]:
+    def score(self, yaw: float, place: Array) -> _Score:
         """Targets reached and smallest margin at a place."""
-        return self._measure(place[None], yaw)[0][0]
+        return self._measure(place[None], yaw, np.arange(len(self.targets))).scores[0]
 
     def settle(self, yaw: float, place: Array) -> BasePlacement:
         """The best place that smaller and smaller steps lead to; if slow, one from which all are reached will do."""
-        turn = turn_about_z(yaw)
         moves = np.stack(np.meshgrid(*([-1.0, 0.0, 1.0],) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
         if self.fixed_height:
             moves = moves[moves[:, 2] == 0.0]
         steps = np.abs(moves).sum(axis=1)
         moves = moves[(steps == 1.0) if self.slow else (steps > 0.0)]
         step = self.map.grid.spacing
-        best, hits, touches = self._measure(place[None], yaw)
-        score, success, touching = best[0], hits[0], touches[0]
+        best = self._measure(place[None], yaw, np.arange(len(self.targets)))
         for _ in range(40):
-            if self.slow and score[0] == len(self.targets):
+            if self.slow and best.scores[0][0] == len(self.targets):
                 break
             around = np.clip(place + step * moves, *self.bounds)
-            around = self._promising(around, yaw, score)
-            scores, hits, touches = self._measure(around, yaw)
-            index = max(range(len(scores)), key=scores.__getitem__, default=-1)
-            if index >= 0 and scores[index] > score:
-                place, score = around[index], scores[index]
-                success, touching = hits[index], touches[index]
+            better = self._best(around, yaw, best)
+            if better is not None:
+                place, best = better
             elif step > 0.001:  # [m]
                 step /= 2.0
             else:
                 break
-        margin = score[1] if score[0] else np.nan
-        seal = checks.sealed
-        return BasePlacement(pin.SE3(turn, place), score[0], margin, seal(success.copy()), seal(touching.copy()))
+        reached, margin = best.scores[0]
+        seal, pose = checks.sealed, pin.SE3(turn_about_z(yaw), place)
+        return BasePlacement(pose, reached, margin if reached else np.nan, seal(best.hits[0]), seal(best.touching[0]))
 
     def scan(self, near: BasePlacement) -> BasePlacement:
         """The best place that steps lead to from the best one of a close grid around a place that misses some targets.
@@ -271,49 +316,64 @@ class _Refinement:
         steps = np.linspace(-1.0, 1.0, 31 if flat else 13) * self.map.grid.spacing
         moves = np.stack(np.meshgrid(steps, steps, [0.0] if flat else steps, indexing="ij"), axis=-1).reshape(-1, 3)
         yaw = float(np.arctan2(near.pose.rotation[1, 0], near.pose.rotation[0, 0]))
-        places = np.clip(near.pose.translation + moves, *self.bounds)
-        best, score = near.pose.translation, (-1, 0.0)
+        place = near.pose.translation
+        best = self._measure(place[None], yaw, np.arange(len(self.targets)))
+        places = np.clip(place + moves, *self.bounds)
         for first in range(0, len(places), PLACES):
-            some = self._promising(places[first : first + PLACES], yaw, score)
-            scores = self._measure(some, yaw)[0]
-            index = max(range(len(scores)), key=scores.__getitem__, default=-1)
-            if index >= 0 and scores[index] > score:
-                best, score = some[index], scores[index]
-        return self.settle(yaw, best)
+            better = self._best(places[first : first + PLACES], yaw, best)
+            if better is not None:
+                place, best = better
+        return self.settle(yaw, place)
 
-    def _promising(self, places: Array, yaw: float, score: tuple[int, float]) -> Array:
-        """Those of places (n, 3) that would score more if nothing touched anything: the others need no closer look."""
-        solver = self.map.solver
-        if one_by_one(solver, False) or (self.world is None and not solver.verifier.avoids_contact):
-            return places
-        found = count_in_contact_or_not(solver, self._seen_from(places, yaw))
-        better = [each > score for each in self._scores(len(places), found.counts > 0, found.margins)]
-        return places[better]
+    def _best(self, places: Array, yaw: float, than: _Measured) -> tuple[Array, _Measured] | None:
+        """Of places (n, 3) the best one, and what is measured there; None if none is better than one that is known.
 
-    def _seen_from(self, places: Array, yaw: float) -> Array:
-        """The targets (places targets, 4, 4) in a base at each of some places (n, 3)."""
-        return np.ascontiguousarray(np.concatenate([_targets_in_base(self.targets, place, yaw) for place in places]))
+        Targets that the known place misses, and those that it reaches with the least margin, come first: most places
+        are worse by one of those, and the others need not be looked at there.
+        """
+        hits, solver = than.hits[0], self.map.solver
+        order = np.argsort(np.where(hits, than.margins[0], -np.inf), kind="stable")
+        first, bound = int((~hits).sum()) + FIRST_TARGETS, than.scores[0]
+        if not one_by_one(solver, False) and (self.world is not None or solver.verifier.avoids_contact):
+            places, _ = self._better(self._measure_in_contact_or_not, places, yaw, order, first, bound)
+        places, seen = self._better(self._measure, places, yaw, order, first, bound)
+        if not len(places):
+            return None
+        index = max(range(len(places)), key=seen.scores.__getitem__)
+        return places[index], seen.of([index]).in_order(order)
+
+    def _better(
+        self, measure: _Measure, places: Array, yaw: float, order: NDArray[np.int_], first: int, bound: _Score
+    ) -> tuple[Array, _Measured]:
+        """Those of places (n, 3) that score more than a bound, looked at from the first targets on (k,), by number."""
+        seen, begin, count = _Measured.nothing(len(places)), 0, first
+        while begin < len(order) and len(places):
+            seen = seen.with_more(measure(places, yaw, order[begin : begin + count]))
+            begin, count = begin + count, 2 * count
+            left = max(len(order) - begin, 0)
+            better = [(reached + left, margin) > bound for reached, margin in seen.scores]
+            places, seen = places[better], seen.of(better)
+        return places, seen
 
     @staticmethod
-    def _scores(places: int, hits: NDArray[np.bool_], margins: Array) -> list[tuple[int, float]]:
-        """Targets reached and smallest margin of each of some places."""
-        hits, margins = hits.reshape(places, -1), margins.reshape(places, -1)
-        smallest = np.where(hits, margins, np.inf).min(axis=1)
-        return list(zip(hits.sum(axis=1).tolist(), smallest.tolist(), strict=True))
+    def _seen_from(places: Array, yaw: float, targets: Array) -> Array:
+        """The targets (places targets, 4, 4) in a base at each of some places (n, 3)."""
+        return np.ascontiguousarray(np.concatenate([_targets_in_base(targets, place, yaw) for place in places]))
 
-    def _measure(
-        self, places: Array, yaw: float
-    ) -> tuple[list[tuple[int, float]], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Targets reached and smallest margin of each place; and which targets, and which only in contact."""
-        if not len(places):
-            nothing = np.zeros((0, len(self.targets)), dtype=np.bool_)
-            return [], nothing, nothing
-        seen = self._seen_from(places, yaw)
+    def _measure_in_contact_or_not(self, places: Array, yaw: float, numbers: NDArray[np.int_]) -> _Measured:
+        """As if nothing touched anything, which takes less time: no place scores more."""
+        found = count_in_contact_or_not(self.map.solver, self._seen_from(places, yaw, self.targets[numbers]))
+        shape = len(places), len(numbers)
+        return _Measured((found.counts > 0).reshape(shape), found.margins.reshape(shape), np.zeros(shape, np.bool_))
+
+    def _measure(self, places: Array, yaw: float, numbers: NDArray[np.int_]) -> _Measured:
+        """What is reached of some targets (k,), by number, from each of some places (n, 3)."""
+        seen = self._seen_from(places, yaw, self.targets[numbers])
         if self.world is None:
             counts, margins, in_contact = count_reaching(self.map.solver, seen)
         else:
             (counts, margins, in_contact), rows_of = count_with_rows(self.map.solver, seen)
-        hits = (counts > 0).reshape(len(places), len(self.targets))
+        hits = (counts > 0).reshape(len(places), len(numbers))
         margins = margins.reshape(hits.shape)
         touching = ~hits & (in_contact > 0).reshape(hits.shape)
         if self.world is not None:
@@ -321,12 +381,12 @@ class _Refinement:
                 base = pin.SE3(turn_about_z(yaw), place)
                 blocked = self.world.is_blocked(base)
                 for target in np.flatnonzero(hits[index]):
-                    number = index * len(self.targets) + int(target)
+                    number = index * len(numbers) + int(target)
                     margin = None if blocked else self._clear_margin(*rows_of(number), base)
                     touching[index, target] = margin is None
                     margins[index, target] = np.nan if margin is None else margin
             hits &= ~touching
-        return self._scores(len(places), hits, margins), hits, touching
+        return _Measured(hits, margins, touching)
 
     def _clear_margin(self, rows: Array, margins: Array, base: pin.SE3) -> float | None:
         """The first of some limit margins (k,) whose configuration (k, dof) is clear of the world; None for none."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 
 import jacokin
 from jacokin import IKSolver, Robot
@@ -15,7 +16,7 @@ from jacokin.errors import InvalidInputError
 from jacokin.model import Box, Floor, Scene
 from jacokin.reachability import Grid, build, bundled, place_base
 from jacokin.reachability.folder import count_reaching, count_with_rows, usable_rows
-from jacokin.reachability.placement import _Refinement
+from jacokin.reachability.placement import _Measured, _Refinement
 
 BENCH = Box("bench", [0.8, 0.8, 0.4], [0.2, 0.0, 0.2])  # from -0.2 to 0.6 m in x, 0.4 m high
 ON_BENCH = [jacokin.pose([x, y, 0.5], down=True) for x in (0.2, 0.4) for y in (-0.15, 0.15)]
@@ -44,19 +45,33 @@ def test_what_reaches_many_targets_is_what_reaches_each(name: str, collision: st
 
 
 def test_places_that_cannot_be_better_are_not_looked_at_closely(monkeypatch: pytest.MonkeyPatch) -> None:
-    def places() -> list[tuple[float, ...]]:
-        found = place_base(bundled(), ON_BENCH, x=(-0.3, 0.1), y=(-0.1, 0.1), heights=[0.0], count=2)
-        return [(place.reached, place.margin, *place.pose.translation) for place in found]
+    """Most places are worse by one of the targets that are hardest at the place beside them: few are solved there."""
+    wide = [jacokin.pose([x, y, 0.5], down=True) for x in np.linspace(-0.4, 0.8, 6) for y in np.linspace(-0.5, 0.5, 6)]
 
-    quick, seen = places(), list[int]()
+    def places(targets: list[pin.SE3]) -> list[tuple[float, ...]]:
+        found = place_base(bundled(), targets, x=(-0.3, 0.1), y=(-0.1, 0.1), heights=[0.0], count=2)
+        return [(place.reached, place.margin, *place.success, *place.pose.translation) for place in found]
 
-    def all_of_them(_: _Refinement, at: Array, *__: object) -> Array:
-        seen.append(len(at))
-        return at
+    looked, solved = _Refinement._measure, list[int]()
 
-    monkeypatch.setattr(_Refinement, "_promising", all_of_them)
-    assert quick == places()
-    assert len(seen) > 10
+    def counted(self: _Refinement, at: Array, yaw: float, numbers: NDArray[np.int_]) -> _Measured:
+        solved.append(len(at) * len(numbers))
+        return looked(self, at, yaw, numbers)
+
+    monkeypatch.setattr(_Refinement, "_measure", counted)
+    quick = [places(targets) for targets in (ON_BENCH, wide)]
+    few = sum(solved)
+    solved.clear()
+
+    def best_of_all(self: _Refinement, at: Array, yaw: float, than: _Measured) -> tuple[Array, _Measured] | None:
+        seen = counted(self, at, yaw, np.arange(len(self.targets)))
+        index = max(range(len(at)), key=seen.scores.__getitem__)
+        return (at[index], seen.of([index])) if seen.scores[index] > than.scores[0] else None
+
+    monkeypatch.setattr(_Refinement, "_best", best_of_all)
+    assert quick == [places(targets) for targets in (ON_BENCH, wide)]
+    assert few < 0.2 * sum(solved)
+    assert quick[1][0][0] < len(wide)
 
 
 @pytest.mark.slow
