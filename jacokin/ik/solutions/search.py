@@ -145,7 +145,8 @@ class SetSearch:
         """What reaches a pose of six joints on the curves through branches (k, 6) that stand for whole ones."""
         problem = self._arm.turning(target.matrix)
         found = problem.find(np.column_stack([q, np.zeros(len(q))]), only_starts=True)
-        standing = [piece for piece in found.pieces if np.ptp(piece.nodes[:, self._arm.parameter]) < RESOLUTION]
+        turned = [angles.wrap_to_pi(piece.nodes[:, self._arm.parameter]) for piece in found.pieces]
+        standing = [piece for piece, by in zip(found.pieces, turned, strict=True) if np.abs(by).max() < RESOLUTION]
         return self._findings(problem, found._replace(pieces=standing), self.members(target, seed))
 
     def nearly_standing(self, T: Array, q: Array) -> Array:

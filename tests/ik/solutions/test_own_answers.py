@@ -269,6 +269,22 @@ def test_a_single_configuration_at_the_edge_of_reach_is_in_the_set_or_in_doubt(
         assert not found.complete or any(apart(interval.nearest(q), q) < 1e-4 for interval in found.intervals)
 
 
+def test_the_circle_of_a_straight_wrist_is_at_the_pose_itself() -> None:
+    """The wrist is straight, which joint 5 may not be. One more curve of the tool's turns ends in a piece of 1e-4 rad.
+
+    Along that the tool hardly turns, but it is turned by 2.2 rad.
+    """
+    q = [-1.2524879634072932, 2.0492090934445364, 5.19080174703628, -1.1989331241792778, 0.0, -0.11866710651615521]
+    tool = jacokin.pose([-0.1252, 0.0682, 0.2862], rpy=[-1.7067, 0.384, 2.8008])
+    solver = IKSolver(jacokin.load_robot("j2s6s300"), "gripsite", tool=tool, collision="ignore")
+    robot, T = solver.robot, solver.verifier.tool_pose(np.array(q))
+    assert solver.solve(T, q).status is jacokin.Status.OUTSIDE_LIMITS
+    free = jacokin.load_robot("j2s6s300", limits={robot.joint_names[4]: (-4.0, 4.0)})
+    result = IKSolver(free, "gripsite", tool=tool, collision="ignore").solve(T, q)
+    assert result.success
+    assert apart(result.q, np.array(q)) < 1e-6
+
+
 def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -> None:
     solver = solver_of("j2s6s300", folder)
     robot = solver.robot
