@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from jacokin.arrays import Array
 from jacokin.kernels.chain import ASTRAY, SMALLEST_PIVOT_7, bring_pivot, linearise7, null_tangent
 from jacokin.kernels.limits import TURN
+from jacokin.kernels.tolerances import CLOSURE
 from jacokin.kernels.trigonometry import whole_below
 from jacokin.kernels.vector import Vec, cross, mix
 
@@ -358,7 +359,11 @@ def cubic_root(a: Array, b: Array, length: float, j: int, value: float, low: flo
 
 
 def point_across(a: Array, b: Array, u: float, walk: Walk) -> bool:
-    """Fill walk.z and walk.tz with the node across the chord from a to b (14,) at a share u of it; False for none."""
+    """Fill walk.z and walk.tz with the node across the chord from a to b (14,) at a share u of it; False for none.
+
+    Where there are solutions all around, Newton's method would lead to any of them: there, the chord's cubic gives the
+    node.
+    """
     x, t, length = walk.z, walk.tz, chord_length(a, b)
     if length == 0.0:
         for j in range(7):
@@ -367,10 +372,25 @@ def point_across(a: Array, b: Array, u: float, walk: Walk) -> bool:
     offset = 0.0
     for j in range(7):
         walk.border[j] = (b[j] - a[j]) / length
-        x[j] = cubic(a, b, length, u, j)
         offset += walk.border[j] * (a[j] + u * (b[j] - a[j]))
-    residual, _ = to_curve(walk.border, offset, RESIDUAL, x, t, walk)
+    fill_by_cubic(a, b, length, u, walk)
+    residual, volume = to_curve(walk.border, offset, RESIDUAL, x, t, walk)
+    if abs(volume) < FLAT:
+        fill_by_cubic(a, b, length, u, walk)
+        if linearise7(walk.chain, walk.T, x, walk.system) <= CLOSURE:
+            return True
+        residual, _ = to_curve(walk.border, offset, RESIDUAL, x, t, walk)
     return residual <= LARGEST_RESIDUAL
+
+
+def fill_by_cubic(a: Array, b: Array, length: float, u: float, walk: Walk) -> None:
+    """Fill walk.z and walk.tz with the point of the chord's cubic at a share of it, and its direction."""
+    size = 0.0
+    for j in range(7):
+        walk.z[j], walk.tz[j] = cubic(a, b, length, u, j), cubic_slope(a, b, length, u, j)
+        size += walk.tz[j] * walk.tz[j]
+    for j in range(7):
+        walk.tz[j] /= math.sqrt(size)
 
 
 def halve_chord(parts: Array, top: int, walk: Walk) -> bool:

@@ -121,6 +121,27 @@ def test_the_answer_near_a_seed_is_the_nearest_of_the_whole_set(
         assert farther > -1e-8 or not found.complete
 
 
+@pytest.mark.parametrize("count", [150, pytest.param(1000, marks=pytest.mark.slow)])
+def test_the_answer_is_the_nearest_of_the_curves_where_there_are_solutions_all_around(
+    count: int, rng: np.random.Generator
+) -> None:
+    """Where joints 4 and 6 turn about the axis about which the tool is free, two numbers are: Newton's steps slide."""
+    solver = IKSolver(jacokin.load_robot("j2s6s200"), collision="ignore")
+    robot = solver.robot
+    for number in range(count):
+        q = robot.sample(rng)
+        q[2], q[4] = q[1] + math.pi * (number % 2), math.pi
+        q = q + (0.0, 1e-12, 1e-9)[number % 3] * rng.standard_normal(6)
+        target = FreeAxis(robot.forward_kinematics(q), axis=(0.0, 0.0, 1.0))
+        if not robot.within_limits(q):
+            continue
+        seed = robot.sample(rng) + TURN * rng.integers(-3, 4, 6) * robot.unlimited
+        result, found = solver.solve(target, seed=seed).raise_for_status(), solver.solve_all(target, seed)
+        nearest = found.nearest(seed)
+        assert nearest is not None
+        assert np.linalg.norm(result.q - seed) < np.linalg.norm(nearest - seed) + 1e-8
+
+
 @pytest.mark.parametrize("count", [30, pytest.param(400, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["gen3", "gen3_6dof", "two digits"])
 def test_an_arm_that_nearly_has_a_wrist_gets_the_same_answers_as_in_general(
