@@ -141,11 +141,13 @@ class Islands(NamedTuple):
 
     p: Array  # (LOOKED_AT + MOST_FOUND,) evenly all round, then values found between [rad]
     counts: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) roots of F at each; -1 where they are in doubt
-    #: Values found, places left in doubt, values all round, halvings, labelling that tells, solutions for each root.
-    size: NDArray[np.int64]  # (6,)
+    #: Values found, places left in doubt, values all round, halvings, labelling that tells, solutions for each root,
+    #: pairs in `coming`.
+    size: NDArray[np.int64]  # (7,)
     passed: NDArray[np.int64]  # (LOOKED_AT + MOST_FOUND,) how often curves pass each value
     useless: NDArray[np.int64]  # (LABELLINGS,) 1 where F is noise at any value of the parameter
     comes: Array  # (LOOKED_AT, 4) see `Look`
+    coming: Array  # (32, 2) after how much each pair seen last in the arm's own labelling may come, ahead and behind
     stack: Array  # (DEPTH, 12) two values, and of each, see `Look`: when pairs come, real roots, whether it is a fold
     vanishing: Array  # (LOOKED_AT, 2) see `find_vanishing`
     lines: Array  # (LOOKED_AT, LINES) F where x has one of some values, 0 for noise
@@ -166,10 +168,11 @@ def make_islands() -> Islands:
     return Islands(
         np.empty(LOOKED_AT + MOST_FOUND),
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
-        np.zeros(6, np.int64),
+        np.zeros(7, np.int64),
         np.zeros(LOOKED_AT + MOST_FOUND, np.int64),
         np.zeros(LABELLINGS, np.int64),
         np.empty((LOOKED_AT, 4)),
+        np.empty((4 * DEGREE, 2)),
         np.empty((DEPTH, 12)),
         np.empty((LOOKED_AT, 2)),
         np.zeros((LOOKED_AT, LINES)),
@@ -240,6 +243,8 @@ def real_roots(seen: Look) -> int:
 def look(k: ArmConstants, six: SixJoints, work: Islands, p: float) -> Look:
     """All roots of F(x; p), and when pairs of them come to the axis; F is left there."""
     seen = look_closely(k, six, work, p, 0.0)
+    if seen.least != seen.most:
+        work.size[6] = 0
     for n in range(0 if solutions_of_root(k) > 1 else LABELLINGS):
         if n == 1 and seen.least < seen.most:
             seen = together(seen, nothing_sure(count_solutions(six, p)))
@@ -273,10 +278,12 @@ def look_closely(k: ArmConstants, six: SixJoints, work: Islands, p: float, reach
     if count < 0:
         return seen
     ahead, behind, sure_ahead, sure_behind, real = math.inf, math.inf, math.inf, math.inf, 0
+    work.size[6] = 0
     for i in range(degree):
         root = root_of(work.lanes, i)
         if root.d >= NEAR:
             value, rate, unsure, bend = approach(root, noise, F.waves[0] ** 2 * noise, False)
+            add_coming(work, first_zero(value, unsure - rate, bend), first_zero(value, unsure + rate, bend))
             ahead, behind = (
                 min(ahead, first_zero(value, unsure - rate, bend)),
                 min(behind, first_zero(value, unsure + rate, bend)),
@@ -296,14 +303,25 @@ def look_closely(k: ArmConstants, six: SixJoints, work: Islands, p: float, reach
             return seen
         first = until_on_axis(off_axis(z_before), off_axis(z), off_axis(z_after))
         second = until_on_axis(off_axis(zeta_before), off_axis(zeta), off_axis(zeta_after))
+        farther = off_axis(z) if abs(off_axis(z)) > abs(off_axis(zeta)) else off_axis(zeta)
+        if farther > 0.0:  # of two that are conjugate
+            add_coming(work, max(first[0], second[0]), max(first[1], second[1]))
         ahead, behind = min(ahead, max(first[0], second[0])), min(behind, max(first[1], second[1]))
         sure_ahead = min(sure_ahead, max(first[2], second[2]))
         sure_behind = min(sure_behind, max(first[3], second[3]))
     return Look(ahead, behind, sure_ahead, sure_behind, real, real, 0)
 
 
+def add_coming(work: Islands, ahead: float, behind: float) -> None:
+    """Keep after how much a pair may come to the axis, ahead and behind [rad]."""
+    work.coming[work.size[6], 0], work.coming[work.size[6], 1] = ahead, behind
+    work.size[6] += 1
+
+
 def until_on_axis(before: float, here: float, after: float) -> tuple[float, float, float, float]:
     """After how much an angle is real, ahead and behind; and the same by its value, slope and bend [rad].
+
+    An angle that leaves the axis right after it came there does both before it is seen again: how fast it came tells.
 
     Args:
         before: how far it is from the real axis `ASIDE` before [rad].
@@ -314,7 +332,8 @@ def until_on_axis(before: float, here: float, after: float) -> tuple[float, floa
         return 0.0, 0.0, 0.0, 0.0
     value, low, high = -here * here, -before * before, -after * after
     slope, bend = 0.5 * (high - low) / ASIDE, (high - 2.0 * value + low) / ASIDE**2
-    ahead, behind = first_zero(value, slope, bend), first_zero(value, -slope, bend)
+    ahead = min(first_zero(value, slope, bend), first_zero(value, (value - low) / ASIDE, 0.0))
+    behind = min(first_zero(value, -slope, bend), first_zero(value, (value - high) / ASIDE, 0.0))
     return (
         min(ahead, ASIDE) if abs(after) <= REAL_ANGLE else ahead,
         min(behind, ASIDE) if abs(before) <= REAL_ANGLE else behind,
@@ -349,7 +368,7 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
     z = work.z if labelling < 0 else work.other
     if labelling < 0:
         foretell(work, p, degree)
-        work.found_at[LOOKED_AT, 0] = math.nan
+        work.found_at[LOOKED_AT, 0], work.size[6] = math.nan, 0
     find_all_roots(work.F.powers[0], degree, z, work.lanes)
     tell_roots(work.F.powers, degree, z, work.lanes)
     ahead, behind, sure_ahead, sure_behind, least, most = math.inf, math.inf, math.inf, math.inf, 0, 0
@@ -383,6 +402,8 @@ def look_in(k: ArmConstants, six: SixJoints, work: Islands, p: float, labelling:
             if min(comes[0], comes[1]) <= reach:
                 meets = until_meeting(work.lanes, i, degree)
                 comes = with_others(k, six, work, p, labelling, root, comes, meets)
+            if labelling < 0:
+                add_coming(work, comes[0], comes[1])
             ahead, behind = min(ahead, comes[0]), min(behind, comes[1])
             sure_ahead, sure_behind = min(sure_ahead, comes[2]), min(sure_behind, comes[3])
     if labelling < 0:
@@ -662,9 +683,12 @@ def look_beside_folds(six: SixJoints, loops: Loops, parameter: int, first: int, 
             away, here = look_beside(k, six, work, fold, side)
             p, there = fold + side * away, here.behind if side > 0.0 else here.ahead
             is_expected = comes_from_fold(here, side, away)
-            if not is_expected and not is_fold_at(loops, parameter, p - side * there, side, away * AT_FOLD):
+            if not is_expected and not count_folds(loops, parameter, p - side * there, side, away * AT_FOLD):
                 work.size[1] += 1
                 continue
+            part = 0.5 * AT_FOLD * away
+            folds = count_folds(loops, parameter, 0.5 * (fold + p) - side * part, side, 0.5 * away + part)
+            work.size[1] += count_coming(work, side, away + part) > folds
             if faced != at:
                 away, other = look_beside(k, six, work, faced, -side)
                 at = faced - side * away
@@ -713,13 +737,21 @@ def side_of_fold(loops: Loops, n: int, parameter: int) -> float:
     return 1.0 if 2.0 * p > before + after else -1.0
 
 
-def is_fold_at(loops: Loops, parameter: int, p: float, side: float, away: float) -> bool:
-    """Whether a curve turns back about at a value of the parameter, to that side."""
+def count_folds(loops: Loops, parameter: int, p: float, side: float, away: float) -> int:
+    """How often a curve turns back about at a value of the parameter, to that side."""
+    count = 0
     for c in range(loops.size[1]):
         for n in range(loops.ends[c, 0] + 1, loops.ends[c, 1] - 1):
-            if side_of_fold(loops, n, parameter) == side and abs(wrapped(loops.nodes[n, parameter] - p)) <= away:
-                return True
-    return False
+            count += side_of_fold(loops, n, parameter) == side and abs(wrapped(loops.nodes[n, parameter] - p)) <= away
+    return count
+
+
+def count_coming(work: Islands, side: float, away: float) -> int:
+    """How many solutions may come within so much, in pairs, seen from beside a fold to that side."""
+    count, column = 0, int(side > 0.0)
+    for i in range(work.size[6]):
+        count += work.coming[i, column] <= away
+    return count * int(work.size[5])
 
 
 def write_part(part: Array, low: float, high: float, first: Look, last: Look) -> None:

@@ -269,6 +269,23 @@ def test_a_single_configuration_at_the_edge_of_reach_is_in_the_set_or_in_doubt(
         assert not found.complete or any(apart(interval.nearest(q), q) < 1e-4 for interval in found.intervals)
 
 
+@pytest.mark.parametrize(
+    ("name", "degrees", "axis"),
+    [
+        ("gen3_lite", (-90, 0, 0, 90, -90, 0), (-0.31753552779219985, -0.6229657906404145, -0.7149019599088342)),
+        ("gen3_6dof", (-90, 0, 0, 90, -90, 90), (0.3527448220831334, -0.4798610246695798, 0.8033084634787558)),
+        ("gen3_6dof", (-180, 0, 0, 90, -90, 0), (0.1507252540250891, 0.12699146798846123, 0.9803851614835916)),
+    ],
+)
+def test_a_curve_that_shrinks_to_a_point_is_in_the_set_or_in_doubt(
+    name: str, degrees: tuple[int, ...], axis: tuple[float, ...], folder: Path
+) -> None:
+    """Solutions are real at one value of the angle only, or along 5e-6 rad of it, right beside where others vanish."""
+    solver, q = solver_of(name, folder), np.radians(degrees)
+    found = solver.solve_all(FreeAxis(solver.verifier.tool_pose(q), axis=axis))
+    assert not found.complete or holds(found, q)
+
+
 def test_the_circle_of_a_straight_wrist_is_at_the_pose_itself() -> None:
     """The wrist is straight, which joint 5 may not be. One more curve of the tool's turns ends in a piece of 1e-4 rad.
 
