@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jacokin.arrays import Array
+from jacokin.kernels.chain import linearise7, solve_normal
 from jacokin.kernels.limits import TURN, nearest_copy
 from jacokin.kernels.solution_set.curve import (
     COLUMNS,
@@ -29,8 +30,9 @@ from jacokin.kernels.solution_set.curve import (
     to_curve,
     wrapped,
 )
+from jacokin.kernels.solution_set.starts import fill_steps
 from jacokin.kernels.solution_set.trace import CurveEnd, Loops
-from jacokin.kernels.tolerances import LIMIT_SNAP
+from jacokin.kernels.tolerances import LIMIT_SNAP, SMALLEST_PIVOT
 
 ROWS, PIECES = 24576, 512
 #: Why a piece ends, besides 2 j and 2 j + 1 for the lower and upper limit of angle j: a fold, or nothing ends.
@@ -42,6 +44,8 @@ ROUNDING = 1e-12
 AT_LIMIT = 10.0 * LIMIT_SNAP
 #: [rad] what is missing of a pose moves joints by less; as near to its limit one may stand there.
 NEAR_LIMIT = 1e-4
+#: Steps to where angles stand on their limits: fewer than two digits each are none to there.
+STEPS_ON_LIMIT = 6
 #: Share of the square of a chord by which the cubic through its ends may be off, or of what an angle moves along it,
 #: where that is less: one that goes as the fourth power of the way is off by a sixteenth.
 DOUBT, MOVES = 3e-3, 0.1
@@ -156,12 +160,50 @@ def settle_nodes(c: int, loops: Loops, limits: Array, walk: Walk) -> None:
             walk.z[j], walk.border[j] = node[j], node[7 + j]
             offset += node[j] * node[7 + j]
         residual, _ = to_curve(walk.border, offset, STATIONARY, walk.z, walk.tz, walk)
-        moved = 0.0
-        for j in range(7):
-            moved = max(moved, abs(walk.z[j] - node[j]))
-        if residual <= LARGEST_RESIDUAL and moved <= NEAR_LIMIT:
+        if residual <= LARGEST_RESIDUAL and farthest(walk.z, node) <= NEAR_LIMIT:
             for j in range(7):
                 node[j] = walk.z[j]
+        stand_on_limits(node, limits, walk)
+
+
+def farthest(x: Array, node: Array) -> float:
+    """How far an angle of a point is from that of a node, at most [rad]."""
+    most = 0.0
+    for j in range(7):
+        most = max(most, abs(x[j] - node[j]))
+    return most
+
+
+def stand_on_limits(node: Array, limits: Array, walk: Walk) -> None:
+    """Put angles of a node that are near a limit, and stand still, onto it, if the target is reached so.
+
+    Where the arm is singular they are off by noise, which would say all along a curve whether they are within.
+    """
+    x, system, held, count = walk.z, walk.system, walk.step, 0
+    for j in range(7):
+        x[j], held[j] = node[j], 0.0
+        over = past(node[j], j, limits)
+        if abs(over) <= NEAR_LIMIT and abs(node[7 + j]) * LONGEST_STEP <= LIMIT_SNAP:
+            above = wrapped(node[j] - 0.5 * (limits[0, j] + limits[1, j])) > 0.0
+            x[j], held[j] = node[j] - (over if above else -over), 1.0
+            count += 1
+    missing = math.inf if count > 0 else 0.0
+    for _ in range(STEPS_ON_LIMIT):
+        if missing <= LARGEST_RESIDUAL:
+            break
+        missing = linearise7(walk.chain, walk.T, x, system)
+        for i in range(6):
+            for j in range(7):
+                system[i, j] *= 1.0 - held[j]
+        fill_steps(system, max(missing * missing, SMALLEST_PIVOT), walk.columns)
+        if missing <= LARGEST_RESIDUAL or not solve_normal(walk.columns):
+            break
+        for j in range(7):
+            for i in range(6):
+                x[j] += system[i, j] * walk.columns[i, 6]
+    if count > 0 and missing <= LARGEST_RESIDUAL and farthest(x, node) <= NEAR_LIMIT:
+        for j in range(7):
+            node[j], node[7 + j] = x[j], node[7 + j] * (1.0 - held[j])
 
 
 def first_node(c: int, loops: Loops, pieces: Pieces) -> tuple[int, bool, bool]:

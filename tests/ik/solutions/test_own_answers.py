@@ -327,6 +327,7 @@ def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -
         (91, 28),  # a joint touches its limit, and is 2e-7 rad past it on both sides
         (91, 672),  # two joints stand on their limits all round, near a singularity
         (96, 50),  # one does, nearer to one
+        (52711, 60),  # one does, and is off by noise
         (90, 275),  # next to where curves meet, the nearest member is on a limit
         (96, 578),  # the seed has more margin than what is found of an incomplete set
         (7703, 225),  # a pair all but comes to the axis beside an even value, and comes there between that and a fold
