@@ -199,6 +199,9 @@ SMALLEST_FREEDOM = 1e-6
 SMALLEST_FREEDOM_OF_CURVES = 1e-4
 #: In units of the arm's length; where both coefficients of an angle's equation are below this, nothing determines it.
 FREE_ANGLE = 1e-10
+#: Equations of one angle that miss a solution by less, in units of the arm's length and its square, are left to the
+#: general way: by so much at most they may be off for what the structure misses.
+NEARLY = 1e-6
 #: Squares this little beyond the edge of an equation of one angle, once another is at a fold: that one is exact to
 #: 3e-8 by rounding, and to 3e-5 by what the structure may miss.
 EDGE_SLACK_AFTER_FOLD = 1e-6

@@ -37,6 +37,7 @@ from jacokin.kernels.tolerances import (
     EDGE_SLACK_AFTER_FOLD,
     EXACT_STRUCTURE,
     FREE_ANGLE,
+    NEARLY,
     SMALL_SINE,
 )
 from jacokin.kernels.trigonometry import angle_of, sin_cos
@@ -109,14 +110,19 @@ class Pair(NamedTuple):
     middle: Unit
     half: Unit
     there: int  # 0 for no solution
-    fold: int  # 1 where they nearly meet, 0 otherwise
+    fold: int  # 1 where they nearly meet, or would nearly be there, 0 otherwise
     free: int  # 1 where any angle solves it: the one at hand is the middle, half is 0
     angle: float  # [rad] the middle where it is free
 
 
-def no_pair(free: int) -> Pair:
-    """No solution."""
-    return Pair((1.0, 0.0), (1.0, 0.0), 0, 0, free, 0.0)
+def no_pair(beyond: float) -> Pair:
+    """No solution, by so much beyond where one would be."""
+    return Pair((1.0, 0.0), (1.0, 0.0), 0, int(beyond < NEARLY), 0, 0.0)
+
+
+def is_open(pair: Pair, free: int) -> bool:
+    """Whether there may be a solution where there is none: for what the structure misses, or as others are free."""
+    return pair.there == 0 and pair.fold + free > 0
 
 
 def free_pair(angle: float) -> Pair:
@@ -134,11 +140,11 @@ def pair_of(a: float, b: float, c: float, seed: float, slack: float) -> Pair:
     """The angles with a cos(theta) + b sin(theta) = c; lengths in units of the arm's."""
     square = a * a + b * b
     if square < FREE_ANGLE * FREE_ANGLE:
-        return free_pair(seed) if abs(c) < FREE_ANGLE else no_pair(1)
+        return free_pair(seed) if abs(c) < FREE_ANGLE else no_pair(abs(c))
     size = math.sqrt(square)
     inside = (size - c) * (size + c)
     if not inside >= -slack * square:
-        return no_pair(0)
+        return no_pair(min(-inside / square, abs(c)))
     middle, root = (a / size, b / size), math.sqrt(max(inside, 0.0))
     if inside < slack * square:
         return fold_at(middle, c, root)
@@ -221,7 +227,7 @@ def pair_of_triangle(triangle: Triangle, sine: float, cosine: float, slack: floa
     bottom = (far_s * c + far_c * s) * (far_s * c - far_c * s)
     least = min(top, bottom)
     if not least >= -slack:
-        return no_pair(0)
+        return no_pair(-least)
     top, bottom = max(top, 0.0), max(bottom, 0.0)
     x, y = bottom - top, 2.0 * math.sqrt(top * bottom)
     if triangle.alike and sine < ALIGNED_SINE:

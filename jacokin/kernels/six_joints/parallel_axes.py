@@ -17,6 +17,7 @@ from jacokin.kernels.six_joints.candidates import (
     add_candidate,
     add_last_candidates,
     fill_rest,
+    is_open,
     pair_of,
     pair_of_triangle,
     skips,
@@ -56,6 +57,8 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
         query.seed[joint_of(labelling, 0)],
         slack_after(0),
     )
+    if is_open(ones, 0):
+        state[FormState.UNSETTLED] = 1
     k = (side * links[3, 2, 0], side * links[3, 2, 1], side * links[3, 2, 2])
     wrist = triangle_of(k, column_of(links[4], 2))
     cosine, sine = work.cosine, work.sine
@@ -69,7 +72,7 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
         fives = pair_of_triangle(
             wrist, math.sqrt(Q[2, 0] * Q[2, 0] + Q[2, 1] * Q[2, 1]), Q[2, 2], slack_after(ones.fold)
         )
-        if fives.there == 0 and ones.free > 0:
+        if is_open(fives, ones.free):
             state[FormState.UNSETTLED] = 1
         for n in range(3):
             if skips(fives, SIGNS[n]):
@@ -79,6 +82,7 @@ def branches_of_parallel_axes(arm: SixArm, query: PoseQuery, work: Candidates, b
             if fives.free > 0:
                 angle = angle_that_closes(arm, E, query.seed[joint_of(labelling, 5)], work)
                 if math.isnan(angle):
+                    state[FormState.UNSETTLED] = max(state[FormState.UNSETTLED], ones.free)
                     continue
                 take_angle(work, 5, angle)
             else:
@@ -107,8 +111,10 @@ def in_the_plane(arm: SixArm, E: Vec, middle: bool, query: PoseQuery, work: Cand
         query.seed[joint_of(labelling, 2)],
         slack_after(folds),
     )
-    if free > 0 and threes.there == 0:
-        state[FormState.UNSETTLED] = 1
+    if threes.there == 0:
+        if is_open(threes, free):
+            state[FormState.UNSETTLED] = 1
+        return
     x = undo_last(work, (1.0, 0.0, 0.0))
     for i in range(3):
         if skips(threes, SIGNS[i]):

@@ -29,6 +29,7 @@ from jacokin.kernels.six_joints.candidates import (
     add_last_candidates,
     angle_from_to,
     fill_rest,
+    is_open,
     pair_of,
     pair_of_triangle,
     skips,
@@ -122,6 +123,8 @@ def at_linear_roots(
     rest = combined(reach.distance, along_v, reach.height, -along_u)
     joint = joint_of(arm.form_labelling, 2)
     threes = pair_of(rest[1], rest[2], -rest[0], query.seed[joint], slack_after(0))
+    if is_open(threes, 0):
+        state[FormState.UNSETTLED] = 1
     coordinate = combined(reach.distance, along_u / square, reach.height, along_v / square)
     for i in range(3):
         if skips(threes, SIGNS[i]):
@@ -138,7 +141,7 @@ def at_linear_roots(
             query.seed[joint_of(arm.form_labelling, 1)],
             slack_after(threes.fold),
         )
-        if twos.there == 0 and threes.free > 0:
+        if is_open(twos, threes.free):
             state[FormState.UNSETTLED] = 1
         for k in range(3):
             if not skips(twos, SIGNS[k]):
@@ -287,7 +290,7 @@ def turn_wrist(
     # Q = Rz(theta_4) L_4 Rz(theta_5) L_5 Rz(theta_6): its z column and row.
     sine = math.sqrt(Q[0, 2] * Q[0, 2] + Q[1, 2] * Q[1, 2])
     fives = pair_of_triangle(wrist, sine, Q[2, 2], work.slack[0])
-    if (fives.there == 0 and free > 0) or (wrist.alike and fives.free == 0 and sine < work.slack[0]):
+    if is_open(fives, free) or (wrist.alike and fives.free == 0 and sine < work.slack[0]):
         state[FormState.UNSETTLED] = 1
     for i in range(3):
         if skips(fives, SIGNS[i]):
