@@ -91,7 +91,9 @@ LINES, FIRST_LINE = 3, 0.7
 LINE_HALVINGS = 24
 #: Where F is at most this part of its size beside, it may vanish, and at most that part it all but does; steps to
 #: there, of a share of the one before.
-SMALL, ALMOST_NOTHING, STEPS_TO_LEAST, GOLDEN = 1e-2, 2e-4, 10, 0.6180339887498949
+SMALL, ALMOST_NOTHING, STEPS_TO_LEAST, GOLDEN = 1e-2, 2e-3, 10, 0.6180339887498949
+#: Where it vanishes, no more is left of it than this part of its size beside.
+NOTHING = 1e-9
 #: Rounds to where it vanishes, from how far away F is looked at [rad], and times that in the next round.
 ROUNDS_TO_ZERO, FIRST_AWAY, NEXT_AWAY = 3, 4e-3, 0.1
 #: [rad] where the even values begin: away from the round angles that people use.
@@ -556,6 +558,7 @@ def find_vanishing(six: SixJoints, work: Islands) -> None:
             least = size_at(k, six, work.F, p) / min(before, after)
             if least <= SMALL:
                 p, vanishes = zero_near(k, six, work.F, p)
+                vanishes = vanishes and size_at(k, six, work.F, p) <= NOTHING * min(before, after)
                 if vanishes or least <= ALMOST_NOTHING:
                     work.vanishing[n // 2, 0], work.vanishing[n // 2, 1] = wrapped(p), vanishes
         before, here = here, after

@@ -330,6 +330,13 @@ def test_ranges_anywhere_on_the_circle(folder: Path, rng: np.random.Generator) -
         (52711, 60),  # one does, and is off by noise
         (90, 275),  # next to where curves meet, the nearest member is on a limit
         (96, 578),  # the seed has more margin than what is found of an incomplete set
+        (401, 107),  # a curve along which the angle hardly moves, beside which F is small and not zero
+        (3301, 150),
+        (90401, 437),
+        (90401, 819),  # and one beside which F all but vanishes
+        (90401, 1965),  # an arm misses a spherical wrist by rounding, and is stretched
+        (90401, 2234),  # one misses parallel axes
+        (90501, 451),  # nothing determines joint 1, and the elbow does not reach at the angle of the seed
         (7703, 225),  # a pair all but comes to the axis beside an even value, and comes there between that and a fold
     ],
 )
